@@ -85,7 +85,7 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
         raise InputError(name, field, remedy) from error
     is_bad = ~np.isfinite(values)
     if minimum is not None:
-        rounding = 1e-14 * np.abs(values).max(initial=0.0)
+        rounding = 1e-14 * np.abs(values[~is_bad]).max(initial=0.0)
         values[(values < minimum) & (values >= minimum - rounding)] = minimum
         is_bad |= values < minimum
     if is_bad.any():

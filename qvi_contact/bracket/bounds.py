@@ -71,8 +71,7 @@ class EarlierSlip:
 def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str, ...]]:
     """A step of a history as the result of a single problem, with the earlier slip in the offsets, and a reason.
 
-    The slip is made continuous, as displacements are, where edges go on straight. `InputError` if there is slip along
-    arcs.
+    The slip is made continuous where edges go on straight. `InputError` if there is slip along arcs.
     """
     known, slipped, mesh = result.discretization, dict[str, Contact](), result.problem.mesh
     rough = [rows.name for rows in known.contacts if rows.law != "tied" and rows.bound(np.ones_like(rows.gap)).any()]
@@ -270,7 +269,7 @@ def bracket(
     instance_of(ContactResult, "result", result)
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
-    default = min(result.discretization.space.degree, HIGHEST)
+    default = min(result.discretization.space.degree, HIGHEST)  # one degree less would double the gap
     degree = checked(result.problem, default if degree is None else degree, tolerance).degree
     result, earlier = after_earlier_slip(with_numbers(result))
     rough = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
@@ -371,8 +370,7 @@ class Branches:
 
     `results` are all solutions that were found, first the one nearest to the displacement model. `distances` are their
     distances d, see `other_solutions`: an indication, no proof; NaN without a displacement model. `companion` is that
-    model; None if there is only one solution, or if the model has no answer. If there are several solutions, `message`
-    and a remark of each result say so.
+    model; None if there is only one solution, or if the model has no answer. Several have `message` as a remark.
     """
 
     results: tuple[ContactResult, ...]

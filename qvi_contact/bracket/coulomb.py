@@ -236,8 +236,7 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
     A force without a dual pair is left out: friction on a contact that ends where a support holds its tangential
-    displacement, and all forces if a contact has Tresca's law. Where the norm for s is proved, the norms of the dual
-    problems must be proved too.
+    displacement, and all forces if a contact has Tresca's law. If the norm for s is proved, the dual one must be, too.
     """
     stress, companion = errors.stress, errors.displacement
     problem, known, state, found = stress.problem, stress.discretization, companion.state, dict[str, Bounds]()
@@ -280,19 +279,14 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
 class _Zones(NamedTuple):
     """Opening, slip, pressure and unused friction on contacts: 0 below the cut, infinite where no condition is set."""
 
-    # (n,): coefficients of g − v_N and of |v_T − w| [length]
-    opening: FloatArray
-    slip: FloatArray
-    # (e, q): coefficients of |τ_N| and of m (c + μ|τ_N|), m of `Share.room` [stress], on edges of contacts not tied
-    pressure: FloatArray
-    room: FloatArray
-    # (n,): coefficients of edges that touch the obstacle somewhere, or stick somewhere (only with friction)
-    closed: BoolArray
-    stuck: BoolArray
-    # (e,): edges without pressure somewhere, where ζ_N = 0; these, edges at the friction bound somewhere and edges
-    # without friction, where ζ_T = 0
-    loose: BoolArray
-    smooth: BoolArray
+    opening: FloatArray  # (n,): coefficients of g − v_N [length]
+    slip: FloatArray  # (n,): coefficients of |v_T − w| [length]
+    pressure: FloatArray  # (e, q): coefficients of |τ_N| [stress], on edges of contacts that are not tied
+    room: FloatArray  # (e, q): coefficients of m (c + μ|τ_N|) [stress] there, m of `Share.room`
+    closed: BoolArray  # (n,): coefficients of edges that touch the obstacle somewhere
+    stuck: BoolArray  # (n,): coefficients of edges with friction that stick somewhere
+    loose: BoolArray  # (e,): edges without pressure somewhere, where ζ_N = 0
+    smooth: BoolArray  # (e,): loose edges, edges at the bound somewhere, and edges without friction, where ζ_T = 0
 
 
 @dataclass(frozen=True, eq=False)

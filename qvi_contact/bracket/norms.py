@@ -147,8 +147,7 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
 def _slope_factor(spans_of_edges: FloatArray, theta: FloatArray, slopes: FloatArray, zeros: FloatArray) -> FloatArray:
     """H with ‖∂_aθ v_a‖ ≤ H ‖∂_a v_a‖ on one side: H² = ∫ (∂_aθ)² |a − a₀| da, for each a₀ in `zeros`, where v_a = 0.
 
-    The edges of the side are in order, with θ at their ends and bounds of its slopes on equal parts; θ is linear
-    across the gaps between edges.
+    Edges are in order, with θ at their ends and bounds of its slopes on equal parts; θ is linear between edges.
     """
     # gaps: start, end, change of θ. Where edges meet, a jump of θ, which springs across a contact allow, has no bound
     gaps = np.stack([spans_of_edges[:-1, 1], spans_of_edges[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
@@ -242,10 +241,10 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
 
     negative_rho = np.array([0.0, 0.0, 0.0, -1.0]).dot
     optimum = np.asarray(fmin_slsqp(negative_rho, np.array([0.0, 0.0, 1.0, -1.0]), f_ieqcons=margins, iprint=0))
-    centre = optimum[:2] / optimum[2]
-    ratio = float((rows[:, :3] @ np.append(centre, 1.0)).min() / np.linalg.norm(corners - centre, axis=1).max())
+    y, t = optimum[:2], optimum[2]  # every centre y/t gives a bound, also one that is not the best
+    ratio = float((rows[:, :3] @ optimum[:3]).min() / max(np.linalg.norm(t * corners - y, axis=1).max(), 1e-300))
     inf_sup = float(np.sin(0.5 * np.arcsin(max(ratio, 0.0))))  # ≤ β
-    if inf_sup == 0.0 or mesh.hole_edges.any():
+    if not inf_sup > 0.0 or mesh.hole_edges.any():
         return np.inf
     # ψ_h minimises ‖∇ψ‖² + ‖1 − div ψ‖²/β² and is then scaled to the mean divergence 1
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
@@ -320,8 +319,7 @@ def defect_bound(residual: float, defect: float, r: float) -> float:
 class FrictionNorm:
     """A bound of |R|; infinite where none is known.
 
-    It is `proved`, or was computed by finite elements on one mesh; `reason` says which. Where contacts alone stop rigid
-    motions (`stopped`), it is the norm on displacements without these motions.
+    It is `proved`, or was computed by finite elements, see `reason`; on displacements without motions `stopped`.
     """
 
     value: float
@@ -330,10 +328,7 @@ class FrictionNorm:
     stopped: Stopped | None = None
 
     def work(self, problem: ContactProblem, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from F and a bound of Σ; infinite without a norm.
-
-        The norm of this R is proved if `self` is.
-        """
+        """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from F and a bound of Σ; proved if `self` is."""
         if not any(share.values.any() for share in shares.values()):
             return 0.0
         if self.proved:

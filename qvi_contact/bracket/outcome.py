@@ -60,11 +60,9 @@ class Bracket:
     contacts: Mapping[str, EdgeParts]
     """The parts on the edges of each contact that is not tied, or has springs."""
     cell_gaps: FloatArray
-    """(cells,): all parts by cell, ≥ 0; the part of an edge goes to its cell, on a joint half to each side; 0 without a
-    displacement."""
+    """(cells,): all parts by cell, ≥ 0, with the parts of its edges, of a joint half; 0 without a displacement."""
     slack: float
-    """By how much the lower bound was lowered for violations of the contact law that the solver left: twice their work
-    with v in the place of u, an estimate."""
+    """What violations that the solver left take off the lower bound: an estimate, twice their work with v for u."""
     driven: Mapping[str, Bounds]
     """If a single prescribed displacement drives the problem: bounds of the force there, from the energies."""
     result: ContactResult
@@ -101,8 +99,7 @@ class Bracket:
     def certainty(self) -> Certainty:
         """Whether the bounds hold for the problem stated, up to rounding and the tolerance: "guaranteed" or "estimate".
 
-        With Coulomb friction these are the bounds of `coulomb`, else those of the energies. Where they are estimates,
-        `coulomb` or `reasons` says why.
+        With Coulomb friction these are the bounds of `coulomb`, else those of the energies. Both have `reasons`.
         """
         coulomb = self._under_friction
         is_guaranteed = not self.reasons if coulomb is None else coulomb.guaranteed

@@ -65,9 +65,8 @@ class EdgeParts:
 class EdgeTractions:
     """Tractions on the edges of all contacts that are not tied, and their friction bound by the law; dimensionless."""
 
-    # (e, q): Bernstein coefficients of the effective σ_N, with the pressure of fluids added, and of σ_T
-    normal: FloatArray
-    shear: FloatArray
+    normal: FloatArray  # (e, q): Bernstein coefficients of the effective σ_N, with the pressure of fluids added
+    shear: FloatArray  # (e, q): Bernstein coefficients of σ_T
     # (e, q): coefficients of a bound s ≥ 0 of |σ_T|: min(c + μ|σ_N|, t_max), coefficient by coefficient. This is below
     # the law's bound where t_max begins to act inside an edge, and where c or t_max would have negative coefficients
     bound: FloatArray
@@ -228,8 +227,7 @@ def edge_parts(
 ) -> tuple[dict[str, EdgeParts], float]:  # fmt: skip
     """Parts of the gap by contact that is not tied or has springs, for a friction bound s (e, q); and the slack.
 
-    The slack is twice the work of violations that a solver left, see `EdgeTractions.violations`, with v in the place of
-    the unknown u: an estimate of what they cost.
+    The slack estimates the cost of violations that a solver left: twice their work, with v in the place of u.
     """
     problem, unit, (t, weights) = discretization.problem, discretization.scales.stress, gauss_legendre(EDGE_POINTS)
     nodes, to_bernstein = lobatto_points(companion.degree), bernstein_from_values(companion.degree)

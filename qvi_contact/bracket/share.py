@@ -59,8 +59,7 @@ class Body:
 def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     """The bodies of a problem, each alone; a joint between two bodies becomes a contact with an obstacle on each.
 
-    Tied joints do not divide. The same problem object gives the same bodies again. `InputError` if a joint that is not
-    tied has one body on both sides.
+    Tied joints do not divide. `InputError` if a joint that is not tied has one body on both sides.
     """
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
     if problem not in _PARTED:
@@ -174,8 +173,7 @@ class SharedStress:
 
     result: ContactResult  # it carries the stress τ + η
     shares: Mapping[str, Share]  # s, by contact with Coulomb friction
-    # a sentence for each vertex where s must vanish although the contact slips or is open there
-    places: tuple[str, ...]
+    places: tuple[str, ...]  # a sentence for each vertex where s must vanish although the contact slips or is open
     before: ContactResult  # it carries τ
 
     @property
@@ -311,8 +309,7 @@ def joined(
 ) -> tuple[dict[str, Share], tuple[str, ...]]:
     """Shares made continuous, with 0 at the vertices `zeros`, and a sentence for each place where that 0 costs much.
 
-    At a vertex the share is that of the edges whose sense is `given`, else of edges that slip, else of open edges, else
-    the mean of all edges.
+    At a vertex it is that of edges whose sense is `given`, else that slip, else that are open, else the mean of all.
     """
     edges_of = {name: problem.mesh.edges(share.contact.edges) for name, share in raw.items()}
     raw = {name: _turned(problem, share) for name, share in raw.items()}
@@ -461,8 +458,7 @@ def spans(directions: FloatArray, wanted: FloatArray) -> bool:
 def _sides(problem: ContactProblem) -> Iterator[tuple[Edges, IntArray, Contact | None]]:
     """Edges, the bodies (e,) they belong to, and their contact law; first the whole boundary without a law.
 
-    Joints come once for each side. A joint with the same body on both sides is a crack: then all bodies count as one,
-    and joints have one side.
+    Joints come once for each side. If a joint has one body on both sides, all bodies are one, and joints have one side.
     """
     mesh, body = problem.mesh, blocks_of_cells(problem)
     laws = [(each, mesh.edges(each.edges)) for each in problem.contacts if each.law != "tied"]

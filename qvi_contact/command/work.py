@@ -204,8 +204,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     remarks = _time_remark(problem_file)
     if limit_load.upper == math.inf:
         remarks.append(
-            "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at any "
-            "multiple: check a load by qvi-contact solve."
+            "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at "
+            "any multiple: check a load by qvi-contact solve."
         )
     lines += remarks
     if limit_load.mechanism is None and limit_load.collapse is None:

@@ -61,8 +61,7 @@ class Elasticity:
     moduli: FloatArray  # (cells, 3, 3): stiffness C with σ = C ε + σ⁰, times the unit of compliance
     # σ⁰ of an initial strain (k, q, 3) at points (k, q, 2) of cells (k,), dimensionless
     at_rest: Callable[[IntArray, FloatArray], FloatArray] | None = None
-    # (k, k): M with the energy ½ dᵀM d of stretches of springs and, without stiffness, motions of plates; d follows the
-    # unknowns of `space` in displacements v (size,)
+    # (k, k): M with the energy ½ dᵀM d, d the last unknowns: stretches of springs, and motions of plates with M = 0
     beside: sparse.csr_array = field(default_factory=lambda: sparse.csr_array((0, 0)))
 
     @property

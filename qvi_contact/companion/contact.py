@@ -33,7 +33,7 @@ In `docs/theory.md`: (D18), (D40).
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -50,6 +50,7 @@ from qvi_contact.discretization.displacements import (
     ROUNDED,
     DisplacementSpace,
     components_along,
+    contact_edges,
     edge_data,
     in_lines,
     spread,
@@ -208,15 +209,11 @@ class DisplacementContact:
 
 
 def _trace(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, contact: Contact, start: int,
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, contact: Contact, edges: Edges, start: int,
     bound: FloatArray | None,
 ) -> DisplacementContact:  # fmt: skip
     """A contact from the edges and coefficients of the body."""
-    p, edges, joint = space.degree, problem.mesh.edges(contact.edges), contact in problem.joints
-    places = np.stack([edges.first, edges.second], axis=1)
-    normal, tangent = (in_lines(vectors, places, ~edges.bent) for vectors in (edges.normal, edges.tangent))
-    edges = replace(edges, normal=normal, tangent=tangent)
-    near = space.along(edges)
+    p, joint, near = space.degree, contact in problem.joints, space.along(edges)
     far = space.along(edges, other=True) if joint else near
     sides = np.where(near > far, -1.0, 1.0)
     along = frames_along(edges, np.linspace(0.0, 1.0, p + 1))
@@ -269,8 +266,7 @@ class Contacts:
     # (n,): ±1 where slip has one direction, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where slip is free
     slipping: FloatArray
     moved: FloatArray  # (2 n,): c of the plates themselves under their given motions
-    # (2 n,): ∫ p_w B_i ds of fluids, 0 for tangential coefficients; their work is −Σ fluid c. Tractions are effective
-    # ones, σ_N + p_w
+    # (2 n,): ∫ p_w B_i ds of fluids, 0 for tangential coefficients, of work −Σ fluid c; tractions are σ_N + p_w, σ_T
     fluid: FloatArray
     reasons: tuple[str, ...]  # why the laws are not met exactly
 
@@ -284,10 +280,10 @@ class Contacts:
         slips: Mapping[str, FloatArray] = MappingProxyType({}),
     ) -> "Contacts":
         """The contacts in the order of the problem, with their own laws or given bounds [stress], and slip by edge."""
-        traces, n, has_friction = list[DisplacementContact](), 0, False
+        traces, n, has_friction, edges_of = list[DisplacementContact](), 0, False, contact_edges(problem)
         for contact in problem.contacts:
             bound = None if bounds is None or contact.law == "tied" else bounds[contact.name] / scales.stress
-            traces.append(_trace(problem, space, scales, contact, n, bound))
+            traces.append(_trace(problem, space, scales, contact, edges_of[contact.name], n, bound))
             n += traces[-1].count
         springs, columns, resultants = sparse.csr_array((2 * n, 2 * n)), [np.zeros((2 * n, 0))], list[float]()
         obstacle, moved, fluid, law, slipping = *np.zeros((3, 2, n)), np.zeros((3, n)), np.full(n, np.nan)
@@ -366,9 +362,8 @@ class DualProblem:
     body: CondensedBody
     B: FloatArray  # (2 n, k): c from w_Γ
     constant: FloatArray  # (2 n,): c_D, plates moved as given
-    # (2 n,): whether the body can change c independently of the others; whether there is a force
-    independent: BoolArray
-    live: BoolArray
+    independent: BoolArray  # (2 n,): whether the body can change c independently of the others
+    live: BoolArray  # (2 n,): whether there is a force
     equalities: IntArray  # motions of R whose rows are independent
     qvi: FrictionQVI
     beyond: FloatArray  # (2 n,): part of f of far obstacles that count as nearer than they are, see `Scales.reach`

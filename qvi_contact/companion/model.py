@@ -159,8 +159,7 @@ class CompanionResult(PicklesFields):
     def cell_strain(self, t: ArrayLike, v: FloatArray | None = None) -> FloatArray:
         """Strains (ε_xx, ε_yy, 2ε_xy) at reference points t (k, 2) of every cell of the mesh, (cells, k, 3).
 
-        t are the barycentric coordinates of the second and third corner. v (size,) is another displacement than the
-        result's.
+        t are barycentric coordinates of the second and third corner. v (size,) is a displacement, by default its own.
         """
         own = self.space.own(slice(None), np.asarray(t, dtype=float))
         strain = self.body.strain(self._v if v is None else v, slice(None), own)
@@ -343,8 +342,7 @@ def solve_companions(
 
     Bounds are Bernstein coefficients (edges, q) [stress] by contact that is not tied, along the tangents of edges in
     the order of the mesh; the energy then has ∫ s |v_T − w| itself. `slip_directions` has an entry for each law: by
-    contact (edges,) 1 or −1 where displacements may slip along the tangent or against it, 0 where not, NaN where either
-    way.
+    contact (edges,) 1 or −1 where displacements may slip along the tangent or against it, NaN where both, else 0.
     """
     slips = slip_directions or [MappingProxyType[str, FloatArray]({})] * len(laws)
     body, held, contact_sets = _discretized(problem, checked(problem, degree, tolerance), laws, slips)

@@ -22,7 +22,7 @@ prescribed tractions, v = B z + v₀. Two directions at a coefficient prescribe 
 arcs: there the inner coefficients are those of the polynomials n·v and t·v, see `components_along`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from typing import Final
 
@@ -378,6 +378,24 @@ def in_lines(vectors: FloatArray, places: IntArray, straight: BoolArray) -> Floa
     return aligned
 
 
+def contact_edges(problem: ContactProblem) -> dict[str, Edges]:
+    """The edges of each contact, with equal directions along each line that rounded coordinates bend.
+
+    Contacts with friction that meet share them: what one holds of the other's slip in the corner is all or none.
+    """
+    straight, alone = dict[str, Edges](), [[each] for each in problem.contacts if not bears_shear(each)]
+    for group in filter(None, ([each for each in problem.contacts if bears_shear(each)], *alone)):
+        edges = [problem.mesh.edges(each.edges) for each in group]
+        vectors = np.concatenate([part for each in edges for part in (each.tangent, each.normal)])
+        both = [np.column_stack([each.first, each.second, each.bent]) for each in edges for _ in range(2)]
+        first, second, bent = np.concatenate(both).T
+        directions = in_lines(vectors, np.stack([first, second], axis=1), bent == 0)
+        parts = iter(np.split(directions, np.cumsum([len(each) for each in both])))
+        for contact, each in zip(group, edges, strict=True):
+            straight[contact.name] = replace(each, tangent=next(parts), normal=next(parts))
+    return straight
+
+
 def components_along(edges: Edges, directions: FloatArray, degree: int, *, turns: bool = True) -> FloatArray:
     """Matrices (e, p + 1, p + 1, 2) from coefficients of v on edges to those of d·v, for directions d of chords (e, 2).
 
@@ -424,7 +442,8 @@ def supports(
     values, places = [np.empty(0)], [np.empty(0, np.int64)]  # d, and the coefficient of each row; −1 inside arcs
     conditions = problem.prescribed(Displacement)
     original, ends, bends = [np.empty((0, 2))], [np.empty((0, 2), np.int64)], [np.empty(0, bool)]
-    rough_edges = [problem.mesh.edges(each.edges) for each in problem.contacts if bears_shear(each)]
+    edges_of = contact_edges(problem)
+    rough_edges = [edges_of[each.name] for each in problem.contacts if bears_shear(each)]
     for vectors, edges, turns in (
         *((vectors, each, True) for each in rough_edges for vectors in (each.tangent, each.normal)),
         *((given.direction, given.edges, given.turns) for given in conditions),

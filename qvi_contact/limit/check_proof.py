@@ -186,7 +186,7 @@ def law(contact: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def admissible(contact: dict[str, Any], tractions: list[Any], normal: Any) -> bool:
-    """|σ_T| ≤ min(c + μ p, t_max), with p = −σ_N ≥ 0; on bilateral edges with p = σ_N ≥ 0 or without friction instead.
+    """|σ_T| ≤ min(c + μ p, t_max), p = −σ_N ≥ 0; on all of a bilateral edge p may be σ_N ≥ 0 instead, or count as 0.
 
     Any traction is admissible on a tied contact. It is enough to check ordinates of the polynomials of one degree more.
     """

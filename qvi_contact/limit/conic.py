@@ -118,9 +118,8 @@ class ConicProgram:
         cones += [clarabel.SecondOrderConeT(self.width)] * blocks
         scale = self._scale
         A = sparse.csc_array(sparse.csc_array(self.A) @ sparse.diags_array(1.0 / scale))
-        # the solver's tolerances are for numbers near 1
         q, unit = self.q / scale, float(np.abs(self.b).max(initial=0.0)) or 1.0
-        size = float(np.abs(q).max(initial=0.0)) or 1.0
+        size = float(np.abs(q).max(initial=0.0)) or 1.0  # the solver's tolerances are for numbers near 1
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
         gap = _COARSER if blocks > _LARGE else _TOLERANCE
@@ -168,8 +167,7 @@ class ConicProgram:
     def falls(self) -> bool:
         """Whether q·x falls without end along some direction, by more than rounding; False if no direction is found.
 
-        The direction sought has b = 0, q·x ≥ −1, and heads of the cones and slacks of the inequalities that sum up to
-        at most 1: its size is bounded.
+        The direction has b = 0, q·x ≥ −1, and heads of cones and slacks of inequalities with a sum of at most 1.
         """
         rows, program = [-self.q, -self.A[self._heads].sum(axis=0)], replace(self, b=np.zeros_like(self.b))
         program = program._extended(self.q, sparse.csr_array((len(self.b), 0)), np.vstack(rows), np.ones(2))
@@ -288,9 +286,8 @@ class ConicProgram:
     def repaired(self, x: FloatArray, least: float = 0.0) -> tuple[FloatArray, float]:
         """A point near x that keeps all rows, and its largest violation, relative, which rows without room cause.
 
-        The point is the convex combination with an inner point that is nearest to x, with a share of at least `least`
-        of the inner point. Equations hold up to rounding. A violation is relative to the size of the point, or of x if
-        smaller.
+        The point is the convex combination with an inner point that is nearest to x, with at least the share `least`
+        of it. Equations hold up to rounding. A violation is relative to the size of the point, or of x if smaller.
         """
         x, inside = self.projected(x), self.projected(np.zeros_like(x))
         is_inside, size = self.margins(inside).min(initial=1.0) > _ENOUGH, self.size(x)
@@ -344,8 +341,7 @@ class ConicProgram:
     @cached_property
     def _rooms(self) -> tuple[FloatArray, FloatArray] | None:
         """A point as far inside all rows as possible, up to 1e-3 in each, and its distances; None if none is found."""
-        # without an interior, the largest regularisation works best
-        answer, n = self._roomy(each=True).solve(REGULAR[::-1]), len(self.q)
+        answer, n = self._roomy(each=True).solve(REGULAR[::-1]), len(self.q)  # the largest is best without an interior
         return None if isinstance(answer, str) else (self.projected(answer.x[:n]), answer.x[n:])
 
     def _roomy(self, *, each: bool) -> ConicProgram:

@@ -7,8 +7,7 @@ dissipates
     ∫ π(ε) dx  ≤  Σ |part| mean_i π(ε_i),     π(ε) = min Σ_j a_j s_j   s.t.   |(ρ_j, r_j)| ≤ s_j,
                                               Σ_j r_j = ((ε_xx − ε_yy)/2, ε_xy),   Σ_j (β_j s_j + γ_j ρ_j) = tr ε/2
 
-Jumps on contacts dissipate by the associated law (D23), coefficient by coefficient. A part of the body without strength
-moves as a rigid body.
+Jumps on contacts dissipate by the associated law (D23), coefficient by coefficient. Parts without strength are rigid.
 
 In `docs/theory.md`: (D37), (D38).
 """
@@ -99,8 +98,7 @@ class Velocities:
     hinges : (2, h) int array
         Coefficients at vertices where rigid parts meet without a common edge, and the further bodies there.
     basis : (2 N + 3 bodies, n) sparse array
-        P: first x and y of all coefficients, then the motions (a, b, θ) of plates about their pivots, of rigid parts
-        about their centres.
+        P: x and y of all coefficients, then motions (a, b, θ) of plates about pivots, of rigid parts about centres.
 
     """
 

@@ -40,7 +40,7 @@ _FARTHEST: Final = math.log(1e4)  # larger factors of strength count as infinite
 _STEP: Final = math.log(2.0)  # between the factors of strength that are tried first
 _MOST: Final = 1e6  # load factors above this or below its inverse count as this or its inverse
 _LEAST: Final = 1e-15  # least logarithm of a load factor ≥ 1, so that a search never meets zero
-_FAR: Final = 1e5  # times the least strength: parts stronger than this stay rigid, if the stresses from below are small
+_FAR: Final = 1e5  # ratio of strengths from which very strong parts stay rigid, if the stresses from below are small
 _SPARED: Final = 3e1  # times the least strength: stresses below this are small
 _CLOSE: Final = 1e-6  # logarithm of the factor's width at which a search may end without the accuracy asked for
 
@@ -62,8 +62,7 @@ class LimitLoad(float):
     itself. Infinity if every multiple is carried, minus infinity if no multiple is."""
     upper: float
     """No stress of the body carries a larger multiple, on any mesh. Infinity if the loads can grow without limit, that
-    is, if their work on mechanisms is below 1e-7 of their work on other motions; minus infinity if no multiple can be
-    carried."""
+    is, if their work on mechanisms is below 1e-7 of their work on other motions; −∞ if no multiple is carried."""
     mechanism: Mechanism | None
     """The motion of rigid blocks that proves `upper`; None if `upper` is infinite or proved by flow."""
     bound: float
@@ -84,8 +83,7 @@ class LimitLoad(float):
     def to_frame(self) -> DataFrame:
         """One row as a pandas table: "lower", "upper", "bound", "violation", "slides" and "opens".
 
-        "slides" and "opens" are the names of the contacts that slide or open in the mechanism, joined by ", ". Needs
-        the extra ``frame`` (pandas); without it an `InputError` says so.
+        The last two are names of contacts of the mechanism, joined by ", ". `InputError` without pandas (``frame``).
         """
         motions = {} if self.mechanism is None else self.mechanism.contacts
         numbers = {name: [getattr(self, name)] for name in ("lower", "upper", "bound", "violation")}
@@ -118,8 +116,7 @@ def limit_load_factor(
     Bernstein coefficients of stresses lie in the yield cones; from above, velocities may jump on the contacts. Each
     number is computed from the stresses or velocities found, not taken from the solver. Without any strength, bodies
     are infinitely strong: `lower` is a linear program in the Airy coefficients, with the contact law on whole edges,
-    and `upper` comes from the work of the loads on rigid motions of the blocks, see `Mechanism`: the limit itself on
-    any mesh.
+    and `upper` comes from the work of the loads on rigid motions of the blocks, see `Mechanism`: the exact limit.
 
     No solution carries more than `upper`. Below the limit a solution need not exist for Coulomb's law, whose slip is
     not associated: only `solve` can tell. Displacements, gaps and elastic constants do not enter. Bilateral contacts
@@ -133,7 +130,7 @@ def limit_load_factor(
         Names of the loads to multiply: of `Traction` conditions, of contacts whose `RigidPlate` prescribes forces, or
         "body" for the body force, or names of `BodyForces`.
     time_limit : float, optional
-        Seconds for the programs together; each has at most 300.
+        Seconds for all programs together; a linear program has at most 300.
     degree : int, optional
         Degree of the element, see `discretize`.
     verbose : bool
@@ -256,8 +253,7 @@ class Collapse:
     motion: BodyMotion
     """The velocities that prove `LimitLoad.upper` if rigid blocks do not, and their dissipation."""
     stress: FloatArray
-    """(cells, 3, count, 3): Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `LimitLoad.lower` on the three parts of
-    each triangle [stress]."""
+    """(cells, 3, count, 3): coefficients of (σ_xx, σ_yy, σ_xy) at `lower` on the parts of each triangle [stress]."""
     gap: FloatArray
     """(cells,): the parts of upper − lower by (D38), ≥ 0; the part of a contact edge is shared by its triangles."""
     guaranteed: bool
@@ -265,7 +261,7 @@ class Collapse:
 
 
 def _checked(carried: Carried, upper: float, straight: bool) -> float:
-    """The lower side, or the upper one if only rounding makes it smaller; `SolveError` on straight sides otherwise."""
+    """The lower side; the upper one if that is less by rounding. −∞, or `SolveError`, if they contradict each other."""
     lower = carried.factor
     if upper < lower <= upper + _MET * (1.0 + abs(upper)) + WIDER * carried.farthest:
         return upper
@@ -327,9 +323,9 @@ class StrengthReduction:
     """Both sides of the factor of safety on strength."""
 
     lower: float
-    """Strengths over this factor carry the loads, as stresses of the mesh show. Zero if no factor was found."""
+    """Strengths divided by this carry the loads, as stresses of the mesh show. Zero if no factor was found."""
     upper: float
-    """Strengths over this factor do not carry the loads, as a mechanism or a flow shows. Infinity if none was found."""
+    """Strengths divided by this do not on any mesh, as a mechanism or a flow shows. Infinity if no factor was found."""
     in_time: bool = True
     """Whether the searches ended within the time limit. If not, both bounds hold all the same."""
 

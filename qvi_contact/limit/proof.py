@@ -73,8 +73,7 @@ def limit_proof(
     The proof states loads, strengths and contact laws. It has stresses that carry the named loads times a factor just
     below `LimitLoad.lower`, and velocities that show that no stress carries more than a factor just above
     `LimitLoad.upper`. Without names of loads it has only velocities of rigid blocks, which show that no stress carries
-    all loads as they are. `qvi_contact/limit/check_proof.py`, a script of Python's standard library alone, checks it
-    exactly.
+    all loads as they are. `qvi_contact/limit/check_proof.py`, a script that needs only Python, checks it exactly.
 
     Parameters
     ----------

@@ -79,8 +79,7 @@ class Carried:
     violation: float = 0.0  # largest violation of a row, relative to the size of the rows
     tractions: FloatArray | None = None  # (2 m,) rows [σ_N; σ_T] of the contacts; None if α is not finite
     bound: float = np.inf  # the dual bound of α; where bodies yield, by the solver's own multipliers
-    # (2 m,): multipliers of tractions, where no body yields: moments of the opening w and of the slip −[v]_T of the
-    # collapse motion of the mesh, with unit work of the loads
+    # (2 m,) where no body yields: multipliers, moments of w and −[v]_T of the mesh's collapse, with unit work of loads
     motion: FloatArray | None = None
     unknowns: FloatArray | None = None  # (n,): (z, y, α); None if α is not finite
     # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), with the body potential φ
@@ -182,7 +181,7 @@ def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> Fl
 class YieldCones:
     """Rows |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S on coefficients, S = σ_xx + σ_yy, for one side of the limit load.
 
-    "Friction that varies" in `docs/theory.md` has the cones for angles of friction that vary.
+    The cones of a friction angle that varies are in `docs/theory.md`, "Bodies that yield".
     """
 
     mesh: TriangleMesh
@@ -444,8 +443,7 @@ class StressProgram:
         """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
 
         The simplex method solves it. Its multipliers d ≥ 0 and ν with Gᵀd + Aᵀν = 0 give a bound: from Σ d (h + α h' −
-        G z) ≥ 0 follows α ≤ (h·d + b·ν) / −(h'·d + b'·ν), with rounding added. `SolveError` if the linear program is
-        not solved, or not in time.
+        G z) ≥ 0 follows α ≤ (h·d + b·ν) / −(h'·d + b'·ν), with rounding added. `SolveError` if it is not solved.
         """
         return self._with_signs(self._by_simplex)
 
@@ -474,8 +472,7 @@ class StressProgram:
         forces = np.tile(weights.max() / weights, 2)
         largest = abs(H @ sparse.diags_array(forces)).max(axis=1).toarray().ravel()
         H, limit = sparse.csr_array(sparse.diags_array(1.0 / largest) @ H), limit / largest
-        # G x ≤ h and E x = b in the unknowns (z, α), with columns of norm 1, for which tolerances are made; columns of
-        # rounding, and of α, keep their size
+        # G x ≤ h and E x = b in (z, α), with columns of norm 1, as tolerances suppose, but for α and rounding
         (N, n), (A, b), kept = self._tractions, self._equations, np.append(np.arange(self.low.qvi.n), -1)
         unknowns, N = np.zeros(N.shape[1]), N[:, kept]
         rows, h = sparse.csr_array(H @ N), limit - H @ n
@@ -533,8 +530,7 @@ class StressProgram:
         parts: list[tuple[Any, FloatArray]] = [t_rows, (yy - xx, c_xx - c_yy), (-2.0 * xy, 2.0 * c_xy)]
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ trace, cones.mean * constant))
-        # max α, with strong cones and rows relative to their own strength
-        q = np.append(np.zeros(S.shape[1] - 1), -1.0)
+        q = np.append(np.zeros(S.shape[1] - 1), -1.0)  # max α; strong cones and rows relative to their own strength
         least = min(cones.least / self.low.scales.stress, self.most)
         edge_scale, cone_scale = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = edge_scale @ H @ N, np.asarray(edge_scale @ (limit - H @ n))

@@ -50,8 +50,7 @@ class Outcome:
     """The quantity of a refinement, its error, and the way to it."""
 
     status: RefinementStatus
-    """Only `RefinementStatus.REACHED` means that the estimate is within the target, and guaranteed if that was asked
-    for."""
+    """Only `RefinementStatus.REACHED` means: the estimate is within the target, and guaranteed if asked for."""
     quantity: str
     """Name of the quantity."""
     target: float
@@ -195,8 +194,7 @@ def refine(
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
     target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges
-    are bisected where the collapse of the mesh is not that of the body: where a block turns about an edge, or slip
-    ends.
+    are bisected where the collapse of the mesh differs from the body's: where a block turns on an edge, or slip ends.
 
     Parameters
     ----------

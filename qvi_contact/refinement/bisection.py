@@ -351,8 +351,7 @@ def places(result: ContactResult) -> Places:
     """The places at which the mesh of an answer is bisected for a reference solution.
 
     Slip in each direction is a state of its own. So are pressure and tension: μ|σ_N| has a kink where σ_N changes its
-    sign. Corners are vertices where conditions change or the boundary turns
-    inwards, and where joints end or meet.
+    sign. Corners are vertices where conditions change or the boundary turns inwards, and where joints end or meet.
     """
     problem, mesh, unit = result.problem, result.problem.mesh, result.discretization.scales.stress
     cells = [np.empty(0, dtype=np.int64)]
@@ -360,8 +359,7 @@ def places(result: ContactResult) -> Places:
         edges, line = mesh.edges(contact.edges), result.contacts[contact.name]
         is_leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
         is_tensile = has_coulomb(contact) & (line.effective_normal_stress > _NOISE * unit)
-        state = np.where(is_leftward, _LEFTWARD, line.state) * np.where(is_tensile, -1, 1)
-        state = state.reshape(len(edges), -1)
+        state = (np.where(is_leftward, _LEFTWARD, line.state) * np.where(is_tensile, -1, 1)).reshape(len(edges), -1)
         ends = np.stack([edges.first, edges.second])
         at_ends = np.unique([ends.ravel(), np.concatenate([state[:, 0], state[:, -1]])], axis=1)
         vertex, states = np.unique(at_ends[0], return_counts=True)

@@ -304,11 +304,12 @@ def test_what_the_other_loads_break_carries_no_multiple():
     mesh = replace(grid, edge_sets=sets).with_joint("joint", lambda _, y: np.isclose(y, 1.0))
     own, other = (Material(1.0, 0.3, "strain", law) for law in (MohrCoulomb(300.0, 0.3), Tresca(1.0)))
     held = [Contact("bottom", 0.0, cohesion=100.0, law="bilateral"), Contact("joint", 0.0)]
-    given = ("push", 1.0, 0.0), ("left", 0.0, 0.0), ("right", 0.0, 0.0), ("top", 0.0, -2.0 - 6e-5)
     mesh, part = mesh.with_region("part", lambda _, y: y > 1.0), [Region(other, name="part")]
-    pile = ContactProblem(mesh, own, [*held, *(Traction(*each) for each in given)], regions=part)
-    limit = limit_load_factor(pile, ["push"], degree=3)
-    assert (limit.lower, limit.upper) == (-np.inf, -np.inf)
+    for over in (3e-5, 6e-5):  # at 3e-5 the first bound from above, 100, is doubted
+        given = ("push", 1.0, 0.0), ("left", 0.0, 0.0), ("right", 0.0, 0.0), ("top", 0.0, -2.0 - over)
+        pile = ContactProblem(mesh, own, [*held, *(Traction(*each) for each in given)], regions=part)
+        limit = limit_load_factor(pile, ["push"], degree=3)
+        assert (limit.lower, limit.upper) == (-np.inf, -np.inf)
     grid = TriangleMesh.rectangle((1, 2))
     r, a = (grid.vertices * [1.4, 1.8] + [0.9, 0.0]).T
     sets = {**grid.edge_sets, "roll": grid.edge_sets["left"][:1], "wall": grid.edge_sets["left"][1:]}
@@ -526,7 +527,7 @@ def test_at_its_time_limit_safety_has_the_bounds_that_are_known(tmp_path, shell,
     save_problem(tmp_path / "block.toml", block(Tresca(1.5), 0.9, 2.0, (2, 1)))
     told = json.loads(shell("safety", tmp_path / "block.toml", "--time-limit=2.5", "--accuracy=1e-9", "--json")[1])
     assert 1.0 <= told["lower"] <= 1.5 * (1.0 + 1e-6) <= told["upper"] * (1.0 + 2e-6) < 2.1
-    assert "more time" in told["remarks"][0]
+    assert ("more time" in told["remarks"][0], len(clock)) == (True, 3)
 
 
 def test_strength_that_is_not_enough_has_a_factor_below_one():
