@@ -223,8 +223,7 @@ class TestMeshes:
         more = {**more, "joints": {"pin": circle, **more.get("joints", {})}}
         mesh = TriangleMesh.outline(SQUARE, 0.3, regions={"pin": circle}, **more)
         assert mesh.edges("pin").length.sum() == pytest.approx(0.6 * np.pi)
-        boundary = mesh.part(mesh.region("pin")).boundary
-        assert boundary.length.sum() == pytest.approx(0.6 * np.pi)
+        assert mesh.part(mesh.region("pin")).boundary.length.sum() == pytest.approx(0.6 * np.pi)
 
     def test_a_line_may_end_on_an_arc(self):
         end = np.sqrt(0.25 - 0.15**2)

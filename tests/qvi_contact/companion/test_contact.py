@@ -195,8 +195,7 @@ def test_contradictions_are_named():
     for gap, told in ((1e-4, True), (0.0, False)):
         beside = Contact("top", 0.3, gap=-1e-3), Symmetry("left"), Contact.tied("bottom")
         problem = ContactProblem(MESH, STEEL, [Contact("right", 0.2, gap=gap, law="bilateral"), *beside])
-        reasons = companion_of(problem).reasons
-        assert any("contradict the obstacle" in reason for reason in reasons) is told
+        assert any("contradict the obstacle" in reason for reason in companion_of(problem).reasons) is told
 
 
 def test_weight_on_both_sides_of_a_joint():
