@@ -167,21 +167,26 @@ class ConicProgram:
     def falls(self) -> bool:
         """Whether q·x falls without end along some direction, by more than rounding; False if no direction is found.
 
-        The direction has b = 0, q·x ≥ −1, and heads of cones and slacks of inequalities with a sum of at most 1.
+        A direction has b = 0 and q·x ≥ −1. Directions of any size are tried first. Rounding may spoil large ones; then
+        heads of cones and slacks of inequalities have a sum of at most 1.
         """
-        rows, program = [-self.q, -self.A[self._heads].sum(axis=0)], replace(self, b=np.zeros_like(self.b))
-        program = program._extended(self.q, sparse.csr_array((len(self.b), 0)), np.vstack(rows), np.ones(2))
-        answer: Answer | str = INFEASIBLE
-        with suppress(SolveError):
-            answer = program.solve((_STRONGER,) if self.dependent else REGULAR)
-        if isinstance(answer, str):
-            return False
-        x, violation = program.repaired(answer.x)
-        fall, magnitude = -float(self.q @ x), float(np.abs(self.q) @ np.abs(x))
-        # effect of the violation on q·x, by the multipliers; q stands in where limits of the fall hide a multiplier
-        prices = np.append(self.q, answer.multipliers[program._heads])
-        effect = violation * program.size(x) * float(np.abs(prices).sum())
-        return fall > _GAIN * magnitude and effect <= _MISSED * fall
+        any_size = replace(self, b=np.zeros_like(self.b)).up_to(1.0)
+        none = sparse.csr_array((len(any_size.b), 0))
+        limited = any_size._extended(self.q, none, -self.A[self._heads].sum(axis=0)[None], np.ones(1))
+        for program, regular in ((any_size, REGULAR), (limited, (_STRONGER,) if self.dependent else REGULAR)):
+            answer: Answer | str = INFEASIBLE
+            with suppress(SolveError):
+                answer = program.solve(regular)
+            if isinstance(answer, str):
+                continue
+            x, violation = program.repaired(answer.x)
+            fall, magnitude = -float(self.q @ x), float(np.abs(self.q) @ np.abs(x))
+            # effect of the violation on q·x, by the multipliers; q stands in where limits of the fall hide a multiplier
+            prices = np.append(self.q, answer.multipliers[program._heads])
+            effect = violation * program.size(x) * float(np.abs(prices).sum())
+            if fall > _GAIN * magnitude and effect <= _MISSED * fall:
+                return True
+        return False
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None

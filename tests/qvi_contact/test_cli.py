@@ -84,8 +84,7 @@ def test_methods(shell):
     others = {DENSE: "up to 400 unknowns"}
     assert known["factorisation"] == {**others, **available_backends()}
     assert (known["methods"], known["inner"]) == (list(METHODS), list(available()))
-    listed = shell("methods")[1].split()
-    assert set(METHODS) | set(available()) | set(available_backends()) <= set(listed)
+    assert set(METHODS) | set(available()) | set(available_backends()) <= set(shell("methods")[1].split())
 
 
 def test_keys(shell):
