@@ -25,6 +25,7 @@ _NOTHING: Vector = np.zeros(0)
 _LONGEST: Final = 300.0  # seconds
 _LARGEST_SIMPLEX: Final = 4000  # rows up to which the simplex method is faster
 _MOST_STEPS: Final = 2000  # of the interior point method with crossover; 11 to 250 are usual, cycling has no end
+_MOST_PIVOTS: Final = 10  # steps of the simplex method, over rows and unknowns; up to 3 are usual
 
 
 class Answer(NamedTuple):
@@ -52,21 +53,23 @@ def solved(cost: Vector, *, bounds: Sequence[tuple[float | None, float | None]],
 
     A large program is solved by the interior point method with crossover, at a lower accuracy if that finds no vertex;
     if it fails or cycles, by the simplex method. A small program is solved by the simplex method, without presolve if
-    that fails, then by the interior point method. An attempt that raises, or whose answer has a wrong form, has failed.
+    that fails or cycles, then by the interior point method. An attempt that raises, or whose answer has a wrong form,
+    has failed.
     """
-    is_large = program["A_ub"].shape[0] > _LARGEST_SIMPLEX
+    rows = program["A_ub"].shape[0]
+    most_pivots, is_large = _MOST_PIVOTS * (rows + len(cost)), rows > _LARGEST_SIMPLEX
     cost_bounds = [end[int(c < 0.0)] for c, end in zip(cost.tolist(), bounds, strict=True) if c]
     is_bounded = all(end is not None and math.isfinite(end) for end in cost_bounds)  # the cost, by the bounds alone
     answer = Answer(_FAILED, "")
     for method, presolve, tolerance in (*_INTERIOR * is_large, *_SIMPLEX, *_INTERIOR * (not is_large)):
         options: dict[str, Any] = {"presolve": presolve, "time_limit": min(_LONGEST, deadline.left)}
         options |= dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), tolerance)
-        options |= {} if method == "highs" else {"maxiter": _MOST_STEPS}
+        options["maxiter"] = most_pivots if method == "highs" else _MOST_STEPS
         answer = _checked_answer(cost, {**program, "bounds": bounds, "method": method, "options": options})
         if answer.solved:
             break  # callers check a solution of lower accuracy
         failed = answer.status == _FAILED or (is_bounded and answer.status == UNBOUNDED)
-        is_final = not failed and (method == "highs" or answer.status != TIME_LIMIT)
+        is_final = deadline.over or not (failed or answer.status == TIME_LIMIT)
         if is_final and tolerance == _INTERIOR[0][2]:
             break
     return answer
