@@ -70,12 +70,7 @@ def run(case: Mapping[str, Any]) -> Record:
     """
     known = reference(*case["place"])
     unit, (tangential, normal, condition) = known.body, limits_of(known)
-    if case["run"] == "paper":
-        omega = load().omega_T / unit.displacement
-    elif tangential is None:
-        raise ArithmeticError("no point has a bound above zero: there is no limit that a step could be a share of")
-    else:
-        omega = case["share"] * tangential
+    omega = load().omega_T / unit.displacement if case["run"] == "paper" else case["share"] * tangential
     solution = _march(known, omega, HALF * normal, ITERATIONS)
     return {
         **_course(known, solution, omega),

@@ -88,7 +88,6 @@ def test_the_committed_rows_are_those_of_the_study_as_it_is_declared():
 
 @pytest.mark.usefixtures("outlined")
 def test_a_part_of_the_rows_makes_a_report_too(tmp_path):
-    """Of seven rows."""
     write_rows(tmp_path / "convergence-mesh.jsonl.gz", committed("convergence-mesh")[:7])
     ended = command("convergence-mesh", "--again", "--out", tmp_path)
     assert (ended.status, ended.err) == (0, "")
