@@ -208,7 +208,7 @@ TARGET: Final = 1e-5
 """The error in the findings."""
 
 _USUAL: Final = 4  # the degree that `solve` takes
-_NUMBERS: Final = ("force", "unknowns", "cells")
+_NUMBERS: Final = ("force", "unknowns")
 
 
 def meshes_of(rows: Sequence[Row]) -> DataFrame:
