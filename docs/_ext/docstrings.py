@@ -10,7 +10,6 @@ import re
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from itertools import pairwise
-from operator import attrgetter
 from typing import Any
 
 from docutils import nodes
@@ -193,15 +192,16 @@ def _same_class(name: str, target: str) -> bool:
 
 
 def _listed(_app: Sphinx, _docname: str, source: list[str]) -> None:
-    """Blocks ``{public} module`` of names, documented with their members, and behind a + with inherited ones."""
+    """Blocks ``{public} package`` of names in it, documented with their members, and behind a + with inherited ones."""
     source[0] = _PUBLIC.sub(_documented, source[0])
 
 
 def _documented(block: re.Match[str]) -> str:
     """A block of names as directives of autodoc."""
-    module, lines = import_module(block[1]), ["```{eval-rst}"]
+    lines = ["```{eval-rst}"]
     for name, inherited in re.findall(r"([\w.]+)(\+?)", block[2]):
-        found = attrgetter(name)(module)
+        home, _, last = f"{block[1]}.{name}".rpartition(".")
+        found = getattr(import_module(home), last)
         kind = "class" if isinstance(found, type) else "function" if callable(found) else "data"
         lines += [f".. auto{kind}:: {block[1]}.{name}"]
         lines += ["   :members:"] * (kind == "class") + ["   :inherited-members:"] * bool(inherited)
