@@ -116,8 +116,7 @@ def _of_sequences(runs: DataFrame) -> dict[str, Any]:
     return {
         "sequences": len(warm), "steps": int(runs.planned.sum()), "steps_solved": int(runs.solved.sum()),
         "cycle": warm.later.get("cycle"), "cycle_cold": cold.later.get("cycle"),
-        "friction_whole": warm.together.get("friction"), "friction_cold": cold.together.get("friction"),
-        "friction_planned": warm.planned.get("friction"),
+        "friction_whole": warm.together.get("friction"), "friction_planned": warm.planned.get("friction"),
         **dict(zip(("later", "later_cold"), (span(each, _HUNDREDTHS) for each in sweeps), strict=True)),
     }  # fmt: skip
 

@@ -3,7 +3,6 @@
 All bodies are rectangles. On equal cells the singularity where a contact ends in a corner dominates the error.
 """
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -153,8 +152,7 @@ def study(quick: bool) -> Study:
 def run(case: Mapping[str, Any]) -> Record:
     """Task of the study: one mesh, or all rounds of an adaptive mesh.
 
-    "meshes" are records with status, message, unknowns, number of cells, force, and seconds of the solve, for adaptive
-    meshes the time up to this round.
+    "meshes" are records with status, message, unknowns, number of cells, and force.
     """
     problem, sequence, size, degree = PROBLEMS[case["problem"]], case["sequence"], case["size"], case["degree"]
     if sequence == ADAPTIVE:
@@ -162,17 +160,15 @@ def run(case: Mapping[str, Any]) -> Record:
     found: ContactResult | QVISolution
     if sequence == PAPER:
         plate = paper.plate(float(problem.name.split()[1]), (size, size))
-        began = time.perf_counter()
         found = solve_qvi(plate.qvi, method="condensed", tolerance=TOLERANCE)
-        seconds, unknowns, cells = time.perf_counter() - began, plate.qvi.n, size**2
+        unknowns, cells = plate.qvi.n, size**2
     else:
         stated = problem.equal(size) if sequence == EQUAL else problem.graded(size)
-        began = time.perf_counter()
         found = solve(stated, degree=degree, tolerance=TOLERANCE)
-        seconds, unknowns, cells = time.perf_counter() - began, found.discretization.qvi.n, stated.mesh.cell_count
+        unknowns, cells = found.discretization.qvi.n, stated.mesh.cell_count
     record: Record = {
-        "status": found.status.value, "message": found.message, "seconds": seconds, "unknowns": int(unknowns),
-        "cells": cells, "accuracy": float(found.certificate.accuracy),
+        "status": found.status.value, "message": found.message, "unknowns": int(unknowns), "cells": cells,
+        "accuracy": float(found.certificate.accuracy),
     }  # fmt: skip
     if found.status is Status.SOLVED:
         line = found.contacts[problem.contact] if isinstance(found, ContactResult) else None
@@ -184,13 +180,10 @@ def run(case: Mapping[str, Any]) -> Record:
 def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
     """A record for each round of `refine`."""
     records: list[Record] = []
-    began = time.perf_counter()
 
     def keep(done: RefinementRound) -> None:
-        records.append({
-            "status": Status.SOLVED.value, "message": "", "seconds": time.perf_counter() - began,
-            "unknowns": done.unknowns, "cells": done.cells, "force": abs(done.value),
-        })  # fmt: skip
+        records.append({"status": Status.SOLVED.value, "message": "", "unknowns": done.unknowns, "cells": done.cells,
+                        "force": abs(done.value)})  # fmt: skip
 
     quantity = f"{problem.contact}.{problem.force}"
     refine(problem.equal(1), None, _OUT_OF_REACH, quantity, degree=degree, max_unknowns=most, callback=keep,
