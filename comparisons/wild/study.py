@@ -25,7 +25,7 @@ from solvers.errors import known_name
 from solvers.factorisation.base import FactorisationError
 
 REFUSED, SOLVED, WRONG = "refused", "solved", "wrong"
-INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
+INFEASIBLE, OPEN, FOREIGN, COMPARED = "infeasible", "open", "foreign", "compared"
 
 OTHERS: Final = ("qp:daqp", "qp:quadprog")
 """Inner solvers of the fixed points that are tried where the default, the condensed method and, for small contacts,
@@ -69,22 +69,21 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
 
 def _judged(result: ContactResult, degree: int) -> dict[str, Any]:
     """The outcome of a solve; a solved state is compared with a second method, for its own friction bounds."""
-    said: dict[str, Any] = {"status": result.status.value, "message": result.message, "remarks": list(result.remarks)}
+    said: dict[str, Any] = {"status": result.status.value, "message": result.message}
     if result.status.impossible:
         return {"outcome": INFEASIBLE, **said}
     if result.status is not Status.SOLVED:
         return {"outcome": OPEN, **said, **_solvable(result)}
-    errors, distance, ended = wrong(result, degree), None, "no contact"
+    errors, ended = wrong(result, degree), "no contact"
     if result.solution.problem.m:
         once: dict[str, Any] = {"method": "fixed-point", "inner": SECOND, "max_iterations": 1, "variant": "plain"}
         other = solve(result.discretization, initial=result, **once)
         ended = other.status.value
         if other.has_state and other.history and other.history[0].inner_status is Status.SOLVED:
-            beside, ended = compare(result, other), "compared"
-            distance = beside.distance
+            beside, ended = compare(result, other), COMPARED
             if beside.differs:
-                errors.append(f"{SECOND} is {distance:.1e} away, with {beside.gain:.1e} less energy")
-    return {"outcome": WRONG if errors else SOLVED, **said, "errors": errors, "second": ended, "distance": distance}
+                errors.append(f"{SECOND} is {beside.distance:.1e} away, with {beside.gain:.1e} less energy")
+    return {"outcome": WRONG if errors else SOLVED, **said, "errors": errors, "second": ended}
 
 
 def _solvable(result: ContactResult) -> dict[str, Any]:
@@ -120,7 +119,8 @@ def problems_of(rows: Sequence[Row]) -> DataFrame:
     enumeration of an open problem; "solvable", whether it is known to have a solution; "admissible", whether tractions
     obey the law and balance the load; "trouble" and "slow", which must not happen.
     """
-    problems = frame_of(rows, ("seconds",), ("outcome", "message", "errors", "answer", "exists", "admissible", "far"))
+    others = ("outcome", "message", "errors", "second", "answer", "exists", "admissible", "far")
+    problems = frame_of(rows, ("seconds",), others)
     problems["outcome"] = problems.outcome.where(problems.has, BROKEN)
     problems["seconds"] = problems.seconds.fillna(problems.spent)
     problems["reason"] = [_reason(each) for each in problems.itertuples()]
@@ -139,7 +139,7 @@ def values_of(problems: DataFrame) -> dict[str, Any]:
     solvable, admissible = problems[problems.solvable], problems[problems.admissible]
     return {
         **{name: int((problems.outcome == name).sum()) for name in ORDER},
-        "problems": len(problems), "longest": LONGEST,
+        "problems": len(problems), "longest": LONGEST, "compared": int((problems.second == COMPARED).sum()),
         "slow": int(problems.slow.sum()), "solvable": len(solvable), "admissible": len(admissible),
         "missed": int(unanswered.solvable.sum()), "stuck": int(unanswered.admissible.sum()),
         "hopeless": int((unanswered.admissible & (unanswered.exists == NONE)).sum()),
