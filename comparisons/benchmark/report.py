@@ -4,7 +4,6 @@ import math
 import statistics
 from collections.abc import Mapping, Sequence
 from functools import partial
-from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -53,17 +52,15 @@ def solves_of(rows: Rows) -> DataFrame:
     return solves.assign(ratio=ratio, half_force_error=(solves.half_force / known - 1.0).abs())
 
 
-def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[str]) -> DataFrame:
-    """Exponents p of value ~ overᵖ between neighbouring sizes, and from the first to the last; NaN where one fails."""
-    lines = []
-    for key, group in found.groupby(by, sort=False):
-        sized = group.drop_duplicates(size).set_index(size).sort_index()
-        sizes = [*sized.index]
-        for ends in dict.fromkeys([*pairwise(sizes), *([(sizes[0], sizes[-1])] if len(sizes) > 1 else [])]):
-            first, last = np.log(sized.loc[[*ends], [over, *values]].where(sized.status == "solved")).to_numpy()
-            powers = (last - first)[1:] / (last - first)[0]
-            lines.append({by: key, "from": ends[0], "to": ends[1], **dict(zip(values, powers, strict=True))})
-    return DataFrame(lines, columns=[by, "from", "to", *values])
+def growth_of(found: DataFrame, by: str, over: str) -> dict[Any, float]:
+    """Exponents p of solve ~ overᵖ between the two largest of each group, where both are solved."""
+    powers = {}
+    for key, group in found.groupby(by):
+        last = group.sort_values(over).tail(2)
+        if len(last) == 2 and (last.status == "solved").all():
+            size, time = np.log(last[[over, "solve"]]).diff().iloc[-1]
+            powers[key] = float(time / size)
+    return powers
 
 
 def runs_of(rows: Rows) -> DataFrame:
@@ -93,22 +90,20 @@ def runs_of(rows: Rows) -> DataFrame:
 
 _PLAIN: Final = ("cells", "backend", "version", "numeric", "plain", "message")
 _HUNDREDTHS: Final = fixed(".2f")
-_POWERS: Final = {"solve": "power", "factorised": "power_factorised"}
 
 
 def values_of(frames: Mapping[str, DataFrame]) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    solves, growth = frames["solves"], frames["growth"]
+    solves = frames["solves"]
     shown = solves[(solves.cells == solves.cells.max()) & solves.ratio.notna()]
-    whole = growth[growth["to"] == growth["to"].max()]
-    whole = whole[whole["from"] == whole["from"].min()]
+    powers = growth_of(solves, "friction", "unknowns")
     return {
         "tolerance": TOLERANCE, "problems": len(solves), "solved": int((solves.status == "solved").sum()),
         "largest": None if shown.empty else int(shown.cells.iloc[0]), "unknowns": shown.unknowns.max(),
         "ratios": span(shown.ratio, _HUNDREDTHS), "seconds": span(shown.whole, seconds),
         "library": next(iter(shown.library), None), "fastest": next(iter(shown.fastest), None),
-        "growth": span(whole.power, _HUNDREDTHS),
-        "span": None if whole.empty else (int(whole["from"].min()), int(whole["to"].max())),
+        "growth": span(powers.values(), _HUNDREDTHS),
+        "span": sorted(solves.cells.astype(int).unique())[-2:] if powers else None,
         **_of_sequences(frames["sequences"]),
     }  # fmt: skip
 
@@ -121,8 +116,7 @@ def _of_sequences(runs: DataFrame) -> dict[str, Any]:
     return {
         "sequences": len(warm), "steps": int(runs.planned.sum()), "steps_solved": int(runs.solved.sum()),
         "cycle": warm.later.get("cycle"), "cycle_cold": cold.later.get("cycle"),
-        "friction_whole": warm.together.get("friction"), "friction_cold": cold.together.get("friction"),
-        "friction_planned": warm.planned.get("friction"),
+        "friction_whole": warm.together.get("friction"), "friction_planned": warm.planned.get("friction"),
         **dict(zip(("later", "later_cold"), (span(each, _HUNDREDTHS) for each in sweeps), strict=True)),
     }  # fmt: skip
 
@@ -131,8 +125,7 @@ _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys((*PARTS, "numeric", "plain", "factorised"), seconds),
     **dict.fromkeys(("friction", "load"), fixed("g")), "peak": memory, "accuracy": scientific, "spread": percent,
     **dict.fromkeys(("unknowns", "iterations", "contact_points", "blocks"), fixed(".0f")),
-    **dict.fromkeys((*_POWERS.values(), "ratio"), _HUNDREDTHS), "half_force": fixed(".8f"),
-    **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
+    "ratio": _HUNDREDTHS, "half_force": fixed(".8f"), "cells": lambda value: f"{value:.0f}²",
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
     "half_force_error": lambda value: f"< {scientific(MEANINGLESS, 1)}" if value < MEANINGLESS else scientific(value),
     "force": lambda value: "–" if value != value else scientific(value),
@@ -143,9 +136,7 @@ _FORMS: Final[dict[str, Form]] = {
 
 def report(whole: Rows, sequences: Rows) -> Report:
     """The report on the plate and on sequences, a function of the rows only."""
-    solves = solves_of(whole)
-    growth = growth_of(solves, "friction", "cells", "unknowns", [*_POWERS]).rename(columns=_POWERS)
-    frames = {"solves": solves, "growth": growth, "sequences": runs_of(sequences)}
+    frames = {"solves": solves_of(whole), "sequences": runs_of(sequences)}
     runs = frames["sequences"]
     plain = [{**row.case, **found, **{part: _median(found["seconds"].get(part)) for part in ("numeric", "plain")}}
              for row in whole for found in row.result.get("plain", ())]  # fmt: skip
@@ -166,12 +157,11 @@ def walls_of(rows: Rows) -> DataFrame:
 
 
 def wall_report(rows: Rows) -> Report:
-    """The report on walls: for each load the largest ratio, and the exponent from the smallest to the largest wall."""
+    """The report on walls: for each load the largest ratio, and the exponent between the two largest walls."""
     walls = walls_of(rows)
-    powers = growth_of(walls, "load", "blocks", "size", ["solve"]).rename(columns={"solve": "power"})
-    loads = walls.groupby("load").ratio.max().to_frame("ratio").join(powers.groupby("load").power.last())
-    values = {"loads": loads.reset_index().to_dict("records"), "walls": len(walls),
-              "solved": int((walls.status == "solved").sum())}  # fmt: skip
-    forms = {**_FORMS, **dict.fromkeys(("from", "to"), fixed(".0f")), "ratio": fixed(".1f")}
-    return render("comparisons.benchmark", "benchmark-wall", values, {"walls": walls, "growth": powers}, {}, rows,
-                  forms=forms, template="wall.md")  # fmt: skip
+    powers = growth_of(walls, "load", "size")
+    loads = [{"load": load, "ratio": ratio, "power": powers.get(load)}
+             for load, ratio in walls.groupby("load").ratio.max().items()]  # fmt: skip
+    values = {"loads": loads, "walls": len(walls), "solved": int((walls.status == "solved").sum())}
+    return render("comparisons.benchmark", "benchmark-wall", values, {"walls": walls}, {}, rows,
+                  forms=_FORMS | {"ratio": fixed(".1f")}, template="wall.md")  # fmt: skip

@@ -74,12 +74,12 @@ def study(quick: bool) -> Study:
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """Task of the study: solve a problem by a loop; entries of `bodies.ending`, and more.
 
-    "seconds" are wall times of repeated solves, factorisation included; "residuals" are those of all iterations; the
-    plain loop has "sharper", 1/γ of `solvers.certificate`, None if it was not computed.
+    "seconds" are wall times of repeated solves, factorisation included. The plain loop has "sharper", 1/γ of
+    `solvers.certificate`, None if it was not computed.
     """
     solution, seconds = timed((case["problem"], case["cells"], case["friction"]), **LOOPS[case["loop"]])
     return {
-        **ending(solution), "seconds": seconds, "residuals": [entry.residual for entry in solution.history],
+        **ending(solution), "seconds": seconds,
         **({"sharper": uniqueness_bound(solution.problem).sharper} if case["loop"] == PLAIN else {}),
     }  # fmt: skip
 

@@ -8,8 +8,8 @@ Each is a frictional contact problem with a given friction bound thr, in stresse
 
     min ½ zᵀPz + qᵀz   s.t.   G z ≤ h,  A z = b,      G = [N; T; −T],  h = [−n0; thr − t0; thr + t0]
 
-N z + n0 ≤ 0 are normal, |T z + t0| ≤ thr tangential tractions at four points on each edge, in which they are
-polynomials of lower degree: rows of G depend linearly on each other, and multipliers are not unique. Names say
+N z + n0 ≤ 0 are normal, |T z + t0| ≤ thr tangential tractions at three points on each edge. There are as many rows of N
+and T as parameters of the tractions, which may depend on each other by equilibrium, as in ssnv128. Names say
 
     full, condensed      z are all unknowns (sparse, P as badly conditioned as fine meshes make it), or few that only
                          describe the contact (dense, P = 1)

@@ -203,8 +203,6 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
         sure=runs.guaranteed & runs.solved, lower=runs.lower.where(runs.guaranteed),
         upper=runs.upper.where(runs.guaranteed),
     )  # fmt: skip
-    absent = [key for key in CODES if key not in set(runs.code)]
-    remedies = DataFrame([(key, CODES[key].remedy) for key in absent], columns=["code", "how to get it"])
     bracket = shown.code == BRACKET
     known = [(mu, *found) for mu in runs.friction.unique() if (found := reference(float(mu)))]
     models = runs.sort_values("order", kind="stable").groupby("model", sort=False).agg(
@@ -217,8 +215,7 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
         "references": DataFrame(known, columns=["friction", "value", "uncertainty", "source"]),
         "models": models.replace("", None),
         "compared": compared_of(costs), "intervals": intervals_of(shown), "failures": shown[~shown.solved],
-        "missing": remedies, "costs": costs,
-        "brackets": shown[bracket], "rows": shown[~bracket],
+        "costs": costs, "brackets": shown[bracket], "rows": shown[~bracket],
     }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from pandas import DataFrame, Series, concat
 
 from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
-from comparisons.lab.numbers import count, percent, seconds, significant, span
+from comparisons.lab.numbers import count, percent, seconds
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, frame_of
 from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE
@@ -125,17 +125,15 @@ def ranking(runs: DataFrame, kind: str) -> list[tuple[str, int, int, float]]:
 
 
 def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
-    """A method of the package: its step, the problems it solves, and the time ratio of the fastest outer loop."""
+    """A method of the package: the problems it solves, and the time ratio of the fastest outer loop."""
     mine = runs[(runs.solver == name) & (runs.task == OUTER) & runs.feasible]
     loops = runs[(runs.task == OUTER) & ~runs.solver.isin(METHODS)]
     fastest = loops.groupby([*INSTANCE], as_index=False).time.min()
     both = mine.merge(fastest, on=[*INSTANCE], suffixes=("", "_fastest"))
     quotients = (both.time_fastest / both.time).dropna()
-    steps = {options["omega_T"] for options in mine.options.dropna() if "omega_T" in options}
     return {
         "name": name, "solved": int(mine.certified.sum()), "given": len(mine), "both": len(quotients),
-        "ratio": geometric_mean(quotients), "span": span(quotients, partial(significant, digits=2)),
-        "step": steps.pop() if len(steps) == 1 else None,
+        "ratio": geometric_mean(quotients),
     }  # fmt: skip
 
 

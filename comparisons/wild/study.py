@@ -25,7 +25,7 @@ from solvers.errors import known_name
 from solvers.factorisation.base import FactorisationError
 
 REFUSED, SOLVED, WRONG = "refused", "solved", "wrong"
-INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
+INFEASIBLE, OPEN, FOREIGN, COMPARED = "infeasible", "open", "foreign", "compared"
 
 OTHERS: Final = ("qp:daqp", "qp:quadprog")
 """Inner solvers of the fixed points that are tried where the default, the condensed method and, for small contacts,
@@ -48,41 +48,42 @@ def declared(families: Sequence[str], each: int, first: int = 0) -> Study:
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
-    """The task: "outcome", "status", "message", "seconds" and "warnings" of the default, and entries of `_judged`."""
+    """The task: "outcome", "status", "message", "seconds" of the default, and entries of `_judged`.
+
+    A warning counts as an exception.
+    """
     began = time.perf_counter()
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
         try:
             wild = wild_problem(case["family"], case["number"])
             result = solve(wild.problem, **wild.settings)
             spent = time.perf_counter() - began
-            found = {"seconds": spent, **_judged(result, wild.settings["degree"])}
+            return {"seconds": spent, **_judged(result, wild.settings["degree"])}
         except Exception as error:  # any exception, but the package's own, is a finding
             outcome = REFUSED if isinstance(error, InputError) else OPEN if isinstance(error, QVIError) else FOREIGN
             status = "" if outcome == REFUSED else type(error).__name__
             spent = time.perf_counter() - began
-            found = {"seconds": spent, "outcome": outcome, "status": status, "message": str(error)}
-    return {**found, "warnings": sorted({f"{each.category.__name__}: {each.message}" for each in caught})}
+            return {"seconds": spent, "outcome": outcome, "status": status, "message": str(error)}
 
 
 def _judged(result: ContactResult, degree: int) -> dict[str, Any]:
     """The outcome of a solve; a solved state is compared with a second method, for its own friction bounds."""
-    said: dict[str, Any] = {"status": result.status.value, "message": result.message, "remarks": list(result.remarks)}
+    said: dict[str, Any] = {"status": result.status.value, "message": result.message}
     if result.status.impossible:
         return {"outcome": INFEASIBLE, **said}
     if result.status is not Status.SOLVED:
         return {"outcome": OPEN, **said, **_solvable(result)}
-    errors, distance, ended = wrong(result, degree), None, "no contact"
+    errors, ended = wrong(result, degree), "no contact"
     if result.solution.problem.m:
         once: dict[str, Any] = {"method": "fixed-point", "inner": SECOND, "max_iterations": 1, "variant": "plain"}
         other = solve(result.discretization, initial=result, **once)
         ended = other.status.value
         if other.has_state and other.history and other.history[0].inner_status is Status.SOLVED:
-            beside, ended = compare(result, other), "compared"
-            distance = beside.distance
+            beside, ended = compare(result, other), COMPARED
             if beside.differs:
-                errors.append(f"{SECOND} is {distance:.1e} away, with {beside.gain:.1e} less energy")
-    return {"outcome": WRONG if errors else SOLVED, **said, "errors": errors, "second": ended, "distance": distance}
+                errors.append(f"{SECOND} is {beside.distance:.1e} away, with {beside.gain:.1e} less energy")
+    return {"outcome": WRONG if errors else SOLVED, **said, "errors": errors, "second": ended}
 
 
 def _solvable(result: ContactResult) -> dict[str, Any]:
@@ -118,7 +119,8 @@ def problems_of(rows: Sequence[Row]) -> DataFrame:
     enumeration of an open problem; "solvable", whether it is known to have a solution; "admissible", whether tractions
     obey the law and balance the load; "trouble" and "slow", which must not happen.
     """
-    problems = frame_of(rows, ("seconds",), ("outcome", "message", "errors", "answer", "exists", "admissible", "far"))
+    others = ("outcome", "message", "errors", "second", "answer", "exists", "admissible", "far")
+    problems = frame_of(rows, ("seconds",), others)
     problems["outcome"] = problems.outcome.where(problems.has, BROKEN)
     problems["seconds"] = problems.seconds.fillna(problems.spent)
     problems["reason"] = [_reason(each) for each in problems.itertuples()]
@@ -137,7 +139,7 @@ def values_of(problems: DataFrame) -> dict[str, Any]:
     solvable, admissible = problems[problems.solvable], problems[problems.admissible]
     return {
         **{name: int((problems.outcome == name).sum()) for name in ORDER},
-        "problems": len(problems), "longest": LONGEST,
+        "problems": len(problems), "longest": LONGEST, "compared": int((problems.second == COMPARED).sum()),
         "slow": int(problems.slow.sum()), "solvable": len(solvable), "admissible": len(admissible),
         "missed": int(unanswered.solvable.sum()), "stuck": int(unanswered.admissible.sum()),
         "hopeless": int((unanswered.admissible & (unanswered.exists == NONE)).sum()),

@@ -10,14 +10,15 @@ import re
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from itertools import pairwise
-from operator import attrgetter
 from typing import Any
 
 from docutils import nodes
 from sphinx.addnodes import desc_annotation, pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.pycode import ModuleAnalyzer
 
+_PACKAGES = ("qvi_contact", "solvers", "comparisons")
 _SECTION = re.compile(r"^[A-Z][A-Za-z ]+$")
 _PUBLIC = re.compile(r"```\{public\} (\S+)\n(.*?)```", re.DOTALL)
 _LISTS = ("Attributes", "Parameters", "Raises", "Returns", "Yields")
@@ -193,19 +194,33 @@ def _same_class(name: str, target: str) -> bool:
 
 
 def _listed(_app: Sphinx, _docname: str, source: list[str]) -> None:
-    """Blocks ``{public} module`` of names, documented with their members, and behind a + with inherited ones."""
+    """Blocks ``{public} package`` of names in it, documented with their members, and behind a + with inherited ones."""
     source[0] = _PUBLIC.sub(_documented, source[0])
 
 
 def _documented(block: re.Match[str]) -> str:
     """A block of names as directives of autodoc."""
-    module, lines = import_module(block[1]), ["```{eval-rst}"]
+    lines = ["```{eval-rst}"]
     for name, inherited in re.findall(r"([\w.]+)(\+?)", block[2]):
-        found = attrgetter(name)(module)
+        home, _, last = f"{block[1]}.{name}".rpartition(".")
+        found = getattr(import_module(home), last)
+        if isinstance(found, type):
+            _share_texts(found)
         kind = "class" if isinstance(found, type) else "function" if callable(found) else "data"
         lines += [f".. auto{kind}:: {block[1]}.{name}"]
         lines += ["   :members:"] * (kind == "class") + ["   :inherited-members:"] * bool(inherited)
     return "\n".join([*lines, "```"])
+
+
+def _share_texts(documented: type) -> None:
+    """Give the fields of a class the text below the next one of their type: one text may stand for several fields."""
+    for module in {each.__module__ for each in documented.__mro__ if each.__module__.split(".")[0] in _PACKAGES}:
+        analyzer = ModuleAnalyzer.for_module(module)
+        analyzer.analyze()
+        types, texts = analyzer.annotations, analyzer.attr_docs
+        for following, field in pairwise(reversed(types)):
+            if field[0] == following[0] != "" and types[field] == types[following] and following in texts:
+                texts.setdefault(field, texts[following])
 
 
 def _process(_app: Sphinx, _what: str, _name: str, _obj: Any, _options: Any, lines: list[str]) -> None:

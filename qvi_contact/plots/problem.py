@@ -8,7 +8,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
-from qvi_contact.mesh.edges import Edges, chains, frames_along, points_along
+from qvi_contact.mesh.edges import Edges, chains, cross, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
 from qvi_contact.problem.conditions import (
@@ -287,11 +287,12 @@ class _Sketch:
             text = ", ".join([text, *_initial_strain(self.problem, material_number, self.units)])
             if len(present) > 1:
                 text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
-                middles = cells.mean(axis=1)  # the number stands in the cell nearest to the centre
-                place = middles[np.argmin(np.hypot(*(middles - middles.mean(axis=0)).T))]
+                middles, sides = cells.mean(axis=1), np.diff(mesh.corners[cell_materials == material_number], axis=1)
+                centre = np.average(middles, axis=0, weights=np.abs(cross(sides[:, 0], sides[:, 1])))
+                x, y = place = middles[np.argmin(np.hypot(*(middles - centre).T))]  # in the cell nearest to the centre
                 box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": style.GREY, "linewidth": 0.6}
-                look_of = {"fontsize": "small", "bbox": box, "zorder": 6, **_CENTRED}
-                self.axes.text(place[0], place[1], str(index + 1), **look_of)
+                number = self.axes.text(x, y, str(index + 1), size="small", bbox=box, zorder=6, **_CENTRED)
+                self.written.append((number, [(place, _CENTRED)]))  # names keep away from it
             if index < _MATERIALS:
                 self.entries.append(Patch(**look, edgecolor="#999999", label=style.wrapped(text)))
         style.draw_grid(self.axes, mesh)
@@ -366,9 +367,8 @@ class _Sketch:
 
     def legend(self) -> None:
         """The legend on the right; edge sets that share an entry come last."""
-        for name, look in (("symmetry", _MIRROR), ("free", _FREE)):
+        for name, look, marker in (("symmetry", _MIRROR, "o"), ("free", _FREE, "")):
             if self.groups[name]:
-                marker = "o" if name == "symmetry" else ""
                 self._entry(f"{name}: {', '.join(self.groups[name])}", look, marker=marker)
         self.axes.legend(handles=self.entries, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False)
 

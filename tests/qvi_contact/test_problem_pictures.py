@@ -8,11 +8,12 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 
-from qvi_contact import TriangleMesh
+from qvi_contact import TriangleMesh, load_problem
 from qvi_contact.gallery import sliding_block
 from qvi_contact.plots import draw_problem, draw_symbols, problem_figure, runs, value_range
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
+from tests.golden.problems import EXAMPLES
 from tests.qvi_contact.builders import polygon
 from tests.qvi_contact.test_triangles import oblique
 
@@ -180,16 +181,16 @@ def covered(axes):
 
 
 def test_names_do_not_cover_each_other():
-    """A thin wedge whose sides are all named, with a tip too narrow for two names."""
+    """A thin wedge whose sides are all named, with a tip too narrow for two names; numbers of materials."""
     corners = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 0.6), (0.0, 0.3)])
     mesh = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     sides = {"lower side": (0, 1), "right side": (1, 2), "upper side": (2, 3), "left side": (3, 0)}
     for name, ends in sides.items():
         mesh = mesh.with_edges(name, [ends])
     conditions = [Traction(name, x=0.0, y=0.0) for name in ("upper side", "left side", "right side")]
-    figure = problem_figure(
-        ContactProblem(mesh, Material(1e3, 0.3), [*conditions, Displacement("lower side", 0.0, 0.0)])
-    )
-    figure.draw_without_rendering()
-    assert len(figure.axes[0].texts) == 4
-    assert not covered(figure.axes[0])
+    wedge = ContactProblem(mesh, Material(1e3, 0.3), [*conditions, Displacement("lower side", 0.0, 0.0)])
+    for problem, number in ((wedge, 4), (load_problem(EXAMPLES / "cylinder_on_block.toml").problem, 9)):
+        figure = problem_figure(problem)
+        figure.draw_without_rendering()
+        assert len(figure.axes[0].texts) == number
+        assert not covered(figure.axes[0])

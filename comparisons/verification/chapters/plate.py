@@ -233,7 +233,7 @@ def _exact() -> Iterator[tuple[str, ContactProblem, int]]:
 
 @BOUNDS("bounds-exact", 4, 5)
 def exact_states_close_the_gap(p: int, _: bool) -> Iterator[Row]:
-    """States that both models hold exactly: stresses from a bicubic Φ, displacements of degree 2 or 3."""
+    """States that both models hold exactly: stresses of degree 2 at most, displacements of degree 2 or 3."""
     for name, problem, degree in _exact():
         found = bracket(solve(problem, degree=p), degree=degree)
         rows = Check(_guaranteed(found), "closed form in both spaces", 1e-10)
