@@ -49,8 +49,8 @@ class CondensedOptions:
             from solvers.solution import Start
 
             if not isinstance(self.initial, Start):
-                remedy = "give the result of an earlier problem: the condensed method cannot start from a pressure"
-                raise InputError("initial", type(self.initial).__name__, f"{remedy} alone")
+                remedy = "the condensed method starts from a result on the same mesh, not from a pressure: give that"
+                raise InputError("initial", type(self.initial).__name__, remedy)
         one_of("system", self.system, ("auto", "dense", "sparse"))
 
 

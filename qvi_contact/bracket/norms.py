@@ -269,7 +269,7 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
     if not integral > 1e-9 * area:
         return np.inf
     field *= area / integral
-    A = np.sqrt(max(float(field @ (laplace @ field)), 0.0) / area)
+    A = np.sqrt(float(field @ (laplace @ field)) / area)
     B = np.sqrt(max(float(field @ (div_squared @ field)) / area - 1.0, 0.0))
     return float((A + B / inf_sup) ** 2 + inf_sup**-2)
 

@@ -34,6 +34,7 @@ from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError, refuse_arguments
 from qvi_contact.problem.conditions import Displacement, Traction
+from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import Kept, PicklesFields, read_only
@@ -159,14 +160,14 @@ class Discretization(PicklesFields):
         """The same problem, with the mean stress of the bonded state as unit if the present unit is far too large.
 
         In the bonded state contacts neither open nor slip. `Scales` cannot foresee every load, such as an obstacle that
-        drags the body along by friction. Solvers and certificate would not resolve stresses far below the unit.
+        drags the body along by friction. QP solvers would not resolve stresses far below the unit. The strain energy
+        of a body with initial strains is no measure of its stress: strains that are held have none.
         """
-        if not 0.0 < self.qvi.bonded_state.rough_stress < _TOO_SMALL or self.qvi.bonded_state.error > _UNRELIABLE:
+        bonded = self.qvi.bonded_state
+        if not _NOISE < bonded.rough_stress < _TOO_SMALL or bonded.error > _UNRELIABLE or is_strained(self.problem):
             return self
-        mean = float(np.sqrt(2.0 * self.qvi.bonded_state.strain_energy))
-        if not _NOISE < mean < _TOO_SMALL:
-            return self
-        return _discretized(self.problem, self.space, self.rule, replace(self.scales, stress=self.scales.stress * mean))
+        scales = replace(self.scales, stress=self.scales.stress * bonded.rough_stress)
+        return _discretized(self.problem, self.space, self.rule, scales)
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""

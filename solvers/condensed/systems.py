@@ -202,7 +202,7 @@ class DenseSystem:
 
     @cached_property
     def _cholesky(self) -> Matrix | None:
-        factor, info = dpotrf(self._S, lower=1, clean=0) if len(self._S) else (None, 1)
+        factor, info = dpotrf(self._S, lower=1, clean=0)
         return None if info else factor
 
 

@@ -8,7 +8,6 @@ from comparisons.convergence import bodies, mesh
 from comparisons.convergence import outer as loops
 from comparisons.convergence import uzawa as steps
 from solvers import solve_qvi
-from solvers.certificate import uniqueness_bound
 from tests.comparisons.conftest import committed
 
 
@@ -40,10 +39,6 @@ class TestProblems:
         below, above = (plain(bodies.contacts(mu)) for mu in (1.1, 1.5))
         assert below.solved
         assert above.status == "cycling"
-
-    def test_the_bound_is_one(self):
-        for friction in (0.3, 1.0):
-            assert bodies.COUPLINGS.max() * friction <= friction / uniqueness_bound(bodies.contacts(friction)).sharper
 
     def test_dragged_block_carries_what_is_claimed(self):
         assert solve_qvi(bodies.body("block", 2, 0.15).qvi).solved

@@ -224,9 +224,9 @@ class TestExport:
 
     @pytest.mark.parametrize("content", [b"no rows", b"{}\n", b"[1]\n"])
     def test_what_are_no_rows_is_refused(self, tmp_path, content):
-        for name in ("a.jsonl.gz", "missing.jsonl.gz"):
-            (tmp_path / "a.jsonl.gz").write_bytes(gzip.compress(content))
-            with refused_at("rows"):
+        (tmp_path / "a.jsonl.gz").write_bytes(gzip.compress(content))
+        for name, reason in (("a.jsonl.gz", r"\(\S"), ("missing.jsonl.gz", r"\(No such file or directory\)")):
+            with refused_at("rows", f"cannot be read {reason}"):
                 written_rows(tmp_path / name)
 
 

@@ -66,6 +66,8 @@ def test_a_held_block(plane, factor):
     assert along_z == pytest.approx([-pressure if plane == "strain" else 0.0], rel=1e-9)
     mises = refine(problem, target=1e-3, quantity="von_mises(0.3, 0.4)", max_rounds=1).value
     assert mises == pytest.approx(0.0 if plane == "strain" else pressure, abs=1e-9 * pressure)
+    pressed = [Contact("bottom", 0.3), *(Traction(name, normal=-pressure, tangential=0.0) for name in SIDES[:3])]
+    assert solve(replace(problem, mesh=TriangleMesh.rectangle((6, 6), grading=0.7), conditions=pressed)).remarks == ()
     bounds = result.bracket
     energy = 0.5 * pressure * 2.0 * ALPHA * 10.0 * (1.0 + NU if plane == "strain" else 1.0)
     assert (bounds.lower, bounds.upper) == pytest.approx((energy, energy), rel=1e-9)

@@ -113,7 +113,7 @@ def test_growth_without_end_is_doubted(linprog):
 def test_programs_of_many_blocks_are_sparse(linprog):
     """Conditions of a joint have entries for its two blocks, and for what slips there."""
     assert find_mechanism(masonry_wall(4, 6, ())) is None
-    assert (matrix := linprog.calls[0][1]).nnz < 4 * matrix.shape[0]
+    assert [matrix.nnz < 4 * matrix.shape[0] for _, matrix in linprog.calls] == [True]  # solved at the first attempt
 
 
 BROKEN = {

@@ -164,6 +164,9 @@ def test_the_obstacle_follows_the_gap():
     draw_problem(axes, laden())
     curves = [np.column_stack(line.get_data()) for line in axes.lines if line.get_color() == "black"]
     (curve,) = (c for c in curves if len(c) > 3 and c[:, 1].max() < 0.0)
+    lines = (line for each in axes.collections if hasattr(each, "get_segments") for line in each.get_segments())
+    feet, tips = np.array([line for line in lines if len(line) == 2 and line[:, 1].max() < 0.0]).swapaxes(0, 1)
+    assert (tips - feet < 0.0).all()  # strokes on the side away from the body
     depth = curve[0, 1] - curve[:, 1]
     assert np.concatenate(draw_symbols(axes, laden(), obstacles=True))[:, 1].max() > 2.2  # the force on the plate
     assert depth / depth[-1] == pytest.approx((curve[:, 0] / 2.0) ** 2, abs=1e-9)

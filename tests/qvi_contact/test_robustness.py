@@ -11,7 +11,7 @@ import pytest
 import qpsolvers
 
 from qvi_contact import ContactState, Expression, InputError, SolveError, TriangleMesh, solve
-from qvi_contact.discretization import REACH
+from qvi_contact.discretization import REACH, discretize
 from qvi_contact.export import write_npz
 from qvi_contact.files import load_result
 from qvi_contact.gallery import ExactState, compressed_plate, problem_from_state, sliding_block
@@ -20,7 +20,7 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from qvi_contact.solution import discretized
 from qvi_contact.verification import verify_result
 from solvers import Status
-from tests.cases import thinned
+from tests.cases import refused_at, thinned
 from tests.qvi_contact.builders import solved, with_friction
 
 STEEL = Material(1e3, 0.3)
@@ -195,11 +195,14 @@ def test_the_smallest_cells_that_there_are_give_no_wrong_number(friction, expect
 
 
 @pytest.mark.parametrize("form", ["full", "condensed"])
-def test_the_fixed_point_on_meshes_graded_to_a_corner(form):
-    """Rows of edges that differ by the factor 32 in length: without friction they are equations of one size."""
+def test_the_fixed_point_in_units_far_too_large_on_meshes_graded_to_a_corner(form):
+    """The unit becomes the mean bonded stress, of the energy ½. Rows of edges that differ by 32 are of one size."""
     plate = compressed_plate(0.0, (2, 2))
-    plate = replace(plate, mesh=plate.mesh.graded([(1.0, 1.0)], 10))
-    assert solve(plate, method="fixed-point", form=form).status is Status.SOLVED
+    known = discretize(replace(plate, mesh=plate.mesh.graded([(1.0, 1.0)], 10)))
+    assert known.rescaled() is known
+    found = discretize(known.problem, scales=replace(known.scales, stress=1e6 * known.scales.stress)).rescaled()
+    assert found.qvi.bonded_state.strain_energy == pytest.approx(0.5)
+    assert solve(found, method="fixed-point", form=form).status is Status.SOLVED
 
 
 def test_inaccurate_results_are_nearly_right():
@@ -220,6 +223,8 @@ def test_a_start_from_an_earlier_result_is_in_physical_units():
         assert again.status is Status.SOLVED
         assert again.iterations <= 2
         assert again.history[0].residual < 1e-7
+    with refused_at("initial", "the same mesh"):
+        solve(compressed_plate(0.2, (6, 5)), method="condensed", initial=first)
 
 
 def test_claims_of_infeasibility_are_checked(monkeypatch):

@@ -69,7 +69,7 @@ class TestRefusals:
          ([*SQUARE, (2, 1), (2, 2)], [*HALVES, (2, 4, 5)], "connects two parts"),
          ([*SQUARE, (1, 0), (1, 1), (2, 0)], [*HALVES, (4, 5, 6)], "Coherence Mesh"),
          ([*SQUARE, (0.3, 1), (0.6, 1), (0.5, 2)], [*HALVES, (4, 5, 6)], r"\(0.3, 1\).*do not match"),
-         ([*SQUARE, (1, 1)], [(0, 1, 2), (0, 3, 4)], "in the same place"),
+         (1e6 * np.array([*SQUARE, (1, 1 + 1e-11)]), [(0, 1, 2), (0, 3, 4)], "in the same place"),
          ([*SQUARE, (2, 0), (1.0, 0.5)], [*HALVES, (1, 4, 5)], r"\(1, 0.5\).*lies inside the edge"),
          ([(0, 0), (1, 0), (np.nan, 1)], [(0, 1, 2)], "no finite"),
          (1e99 * np.array(SQUARE), HALVES, "at most 1e\\+60"), (SQUARE, [(0, 1, 4)], "0 to 3"),

@@ -64,9 +64,9 @@ def test_history_and_record():
     assert [entry.number for entry in seen] == list(range(1, solution.iterations + 1))
     assert seen[-1].residual <= 1e-8
     assert seen[-1].normal_resultant == pytest.approx(solution.problem.resultant(solution.z))
-    assert set(solution.timings) == {"setup", "solve", "certificate"}
+    for found in (solution, solve_qvi(solution.problem, method="uzawa", max_iterations=3)):
+        assert min(found.timings[part] for part in ("setup", "solve", "certificate")) >= 0.0
     assert set(solution.versions) == {"qpsolvers", "clarabel"}
-    assert (solution.method, solution.inner) == ("fixed-point", "qp:clarabel")
 
 
 @pytest.mark.parametrize("inner", ["direct:clarabel", "qp:quadprog", "qp:cvxopt"])

@@ -34,14 +34,8 @@ def violations(qvi, solution):
     }  # fmt: skip
 
 
-# Of 2000, those that jammed while |σ_N| was smoothed by a length that fell by itself, on one processor or another.
-JAMMED = (
-    109, 122, 131, 136, 164, 210, 478, 532, 790, 934, 984, 988, 1049, 1110, 1241, 1251, 1254, 1347, 1420, 1474, 1483,
-    1494, 1553, 1585, 1597, 1599, 1676, 1702, 1703, 1731, 1824, 1870,
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("seed", thinned(JAMMED, 8))
+# Of 2000, eight that jammed while |σ_N| was smoothed by a length that fell by itself, on one processor or another.
+@pytest.mark.parametrize("seed", [122, 790, 1110, 1251, 1254, 1597, 1703, 1870])
 def test_bilateral_points_with_friction_do_not_jam(seed):
     solution = solve_qvi(mixed_problem(seed, seed % 4), method="condensed")
     assert solution.status is Status.SOLVED, solution.message

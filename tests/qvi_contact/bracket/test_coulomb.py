@@ -338,12 +338,13 @@ class TestScope:
         assert max(np.abs(values[:, 1] - values[:, 0]).max(), np.abs(values[:, 3] - values[:, 2]).max()) < 1e-3
 
     def test_what_bears_little_between_two_takes_the_mean_of_their_shares(self):
-        """Neither end of an edge is preferred: mirrored bodies have mirrored shares."""
+        """Neither end of an edge is preferred: mirrored bodies have mirrored shares. Pulls have none."""
         qvi = (result := solve(compressed_plate(0.3, (1, 1)), degree=4)).discretization.qvi
         rows, pressure = np.vstack([qvi.N.toarray(), qvi.T.toarray()]), np.array([1.0, 1e-3, 1.0])
         wanted = np.concatenate([-pressure - qvi.n0, -0.3 * pressure * [0.2, 0.0, 0.6] - qvi.t0])
-        found = carrying(result, np.linalg.lstsq(rows, wanted, rcond=None)[0]).bracket.coulomb
-        assert found.shares["plate"].values[0] == pytest.approx([0.2, 0.4, 0.6])
+        pressed, pulled = (sign * np.linalg.lstsq(rows, wanted, rcond=None)[0] for sign in (1.0, -1.0))
+        assert carrying(result, pressed).bracket.coulomb.shares["plate"].values[0] == pytest.approx([0.2, 0.4, 0.6])
+        assert "does not obey the law of contact 'plate'" in carrying(result, pulled).bracket.coulomb_reason
 
     def test_pressure_where_displacements_leave_the_obstacle_counts(self):
         """δ = ∫ |τ_N| (g − v_N) ds, on a contact that opens inside an edge."""
