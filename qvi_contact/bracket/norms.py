@@ -239,8 +239,8 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
         """Margins of the inequalities at (y, t, ρ)."""
         return np.concatenate([rows @ point, 1.0 - ((point[2] * corners - point[:2]) ** 2).sum(axis=1)])
 
-    negative_rho = np.array([0.0, 0.0, 0.0, -1.0]).dot
-    optimum = np.asarray(fmin_slsqp(negative_rho, np.array([0.0, 0.0, 1.0, -1.0]), f_ieqcons=margins, iprint=0))
+    negative_rho, start = np.array([0.0, 0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0, -1.0])
+    optimum = np.asarray(fmin_slsqp(negative_rho.dot, start, f_ieqcons=margins, iprint=0, acc=1e-12))
     y, t = optimum[:2], optimum[2]  # every centre y/t gives a bound, also one that is not the best
     ratio = float((rows[:, :3] @ optimum[:3]).min() / max(np.linalg.norm(t * corners - y, axis=1).max(), 1e-300))
     inf_sup = float(np.sin(0.5 * np.arcsin(max(ratio, 0.0))))  # ≤ β

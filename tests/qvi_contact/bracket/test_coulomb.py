@@ -159,11 +159,13 @@ class TestNorms:
     @pytest.mark.parametrize("problem", [half_disc(0.1), sheared_layer(0.1), clamped_plate(0.1)])
     def test_star_shaped_bodies(self, problem):
         """|Sv|/|v| of finite elements, for which Sv = η v_t n is one too, is less than what is proved, turned too."""
+        x, y = problem.mesh.vertices.T  # leaning, as the best centre of an even body is found at once
+        problem = replace(problem, mesh=replace(problem.mesh, vertices=np.column_stack([x + 0.1 * y, y])))
         shares = shared(problem, -1.0)
         least, proved = 0.1 * quotient(problem, degree=4), star_norm(problem, shares)
         assert computed_norm(problem, shares) / 1.01 <= least < proved
         turned = replace(problem, mesh=oblique(problem.mesh, 40.0))
-        assert star_norm(turned, shares) == pytest.approx(proved, rel=1e-6)
+        assert star_norm(turned, shares) == pytest.approx(proved, rel=1e-11)
         assert friction_norm(problem, shares).proved
 
     @pytest.mark.parametrize("seed", range(2))
