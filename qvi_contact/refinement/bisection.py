@@ -109,7 +109,7 @@ class Round:
     parts: FloatArray  # (cells,): contributions of cells to the error, in any unit
     finer: Callable[[], TriangleMesh]  # makes the mesh of the next round, or stops
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
-    hopeless: bool = False  # whether bounds are not tried again
+    hopeless: bool = False  # whether bounds are not tried again, unless they are asked for
 
     @property
     def indicator(self) -> FloatArray:
@@ -195,11 +195,10 @@ class TriangleRefinement:
         value = self._value(answer, late=bool(earlier))
         unit, places_of_steps = measure.unit(last, value), [places(each) for each in results]
         where = Places(*(np.unique(np.concatenate(parts)) for parts in zip(*places_of_steps, strict=True)))
-        hopeless = len(results) > 1 or any(each.hopeless for each in earlier)
+        hopeless = any(each.hopeless for each in earlier) and not self.settings.guaranteed
         rough = any(map(has_coulomb, last.problem.contacts))
-        are_bounds_tried = (
-            measure.bounded and not hopeless and (not rough or (self.settings.guaranteed and measure.kind in FORCES))
-        )
+        is_wanted = not rough or (self.settings.guaranteed and measure.kind in FORCES)
+        are_bounds_tried = measure.bounded and len(results) == 1 and is_wanted and not hopeless
         bounds = comparison = bounded(measure, value, last) if are_bounds_tried else None
         if comparison is None:
             comparison = self._compared(answer, value, unit, where)

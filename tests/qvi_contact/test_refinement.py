@@ -9,7 +9,7 @@ from qvi_contact import InputError, Polynomial, RefinementStatus, RigidPlate, Tr
 from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
-from qvi_contact.refinement import bulk, energies_between, places, reference_problem
+from qvi_contact.refinement import bounded, bulk, energies_between, places, reference_problem
 from solvers import Status
 from solvers.basics import Progress, report
 from tests.cases import refused_at
@@ -71,6 +71,12 @@ class TestBounds:
         assert (outcome.result.contacts["plate"].state == 1).all()
         assert outcome.status is RefinementStatus.REACHED
         assert not outcome.guaranteed
+
+    def test_bounds_that_are_asked_for_are_tried_on_every_mesh(self, monkeypatch):
+        none = iter([None])
+        monkeypatch.setattr("qvi_contact.refinement.bisection.bounded", lambda *given: next(none, bounded(*given)))
+        outcome = refine(plate(0.2), None, 1e-6, FORCE, guaranteed=True, degree=4, max_rounds=2)
+        assert [each.guaranteed for each in outcome.rounds] == [False, True]
 
     def test_a_bracket_that_does_not_hold(self):
         """Data that the elements cannot follow: no bound."""
