@@ -347,6 +347,14 @@ class TestScope:
         found = carrying(result, np.linalg.lstsq(rows, wanted, rcond=None)[0]).bracket.coulomb
         assert found.shares["plate"].values[0] == pytest.approx([0.2, 0.4, 0.6])
 
+    def test_rounding_does_not_decide_where_a_share_may_change(self):
+        """Inside of an edge that sticks a coefficient of s is 1, up to what solvers leave."""
+        result, random = solve(pressed_block(0.3, (4, 4)), degree=5), np.random.default_rng(0)
+        error, z = result.bracket.coulomb.error, result.solution.z
+        for _ in range(3):
+            disturbed = carrying(result, z + 1e-10 * np.abs(z).max() * random.standard_normal(len(z)))
+            assert disturbed.bracket.coulomb.error == pytest.approx(error, rel=1e-5)
+
     def test_pressure_where_displacements_leave_the_obstacle_counts(self):
         """δ = ∫ |τ_N| (g − v_N) ds, on a contact that opens inside an edge."""
         mesh, gap = TriangleMesh.rectangle((4, 2), 2.0, 1.0), Polynomial([[0.0275], [0.0185]])
