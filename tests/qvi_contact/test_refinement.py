@@ -155,6 +155,16 @@ class TestReferenceSolution:
         middle = result.problem.mesh.corners[places(result).cells].mean(axis=1)
         assert 0.0 < np.abs(middle[:, 0] - 0.5).max() < 0.3
 
+    def test_zones_that_it_alone_shows_are_bisected_in_it(self):
+        """Tension below x = 0.012, of which the answer shows nothing; the force is settled by degree 8."""
+        turned = Displacement("top", x=3.2e-4, y=Polynomial([[-6.8e-4], [9.2e-4]]))
+        conditions = [Contact("bottom", 0.5, law="bilateral"), turned, *FREE]
+        outcome = refine(
+            ContactProblem(TriangleMesh.rectangle((3, 2)), Material(1e4, 0.2), conditions), None, 1e-4,
+            "bottom.normal_force", max_rounds=1,
+        )  # fmt: skip
+        assert 1.0 <= outcome.error / abs(outcome.value - 2.18935) < 3.0
+
     def test_it_keeps_all_vertices_and_is_not_much_larger(self):
         problem = plate(0.2, (4, 4))
         at = places(solve(problem, degree=3))
