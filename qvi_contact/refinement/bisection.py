@@ -192,7 +192,7 @@ class TriangleRefinement:
                 if last.stress_rounding > last.certificate.tolerance * unit:  # rounding alone exceeds the tolerance
                     status = RefinementStatus.THIN_CELLS
             raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
-        value = self._value(answer, late=bool(earlier))
+        value = self._value(answer)
         unit, where = measure.unit(last, value), places(answer)
         hopeless = any(each.hopeless for each in earlier) and not self.settings.guaranteed
         rough = any(map(has_coulomb, last.problem.contacts))
@@ -268,19 +268,11 @@ class TriangleRefinement:
             return solve_history(steps, **options)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
 
-    def _value(self, answer: ContactResult | History, *, late: bool = False) -> float:
-        """The quantity; of a history in its last step, but the friction work of all steps.
-
-        A function that gives no number is an `InputError`; if `late`, in later rounds, a `StopError` keeps these.
-        """
+    def _value(self, answer: ContactResult | History) -> float:
+        """The quantity; of a history in its last step, but the friction work of all steps."""
         if isinstance(answer, History) and self.measure.kind == "dissipation":
             return float(answer.dissipated.sum())
-        try:
-            return self.measure.value(steps_of(answer)[-1])
-        except InputError as error:
-            if not late:
-                raise
-            raise StopError(RefinementStatus.UNSOLVED, str(error)) from error
+        return self.measure.value(steps_of(answer)[-1])
 
 
 def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:
