@@ -463,7 +463,7 @@ class _Pairs:
         return largest
 
     def _work(self, z: FloatArray, dual: CellFields) -> tuple[float, float]:
-        """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx and |ε(z) − cζ|, both with springs."""
+        """∫ τ : (ε(z) − cζ) − ε⁰ : ζ dx and |ε(z) − cζ|, both with springs."""
         fields, companion = self.fields, self.errors.displacement
         strain = companion.cell_strain(fields.t, z)
         misfit = strain - np.einsum("ckl,cgl->cgk", fields.compliances, dual.stress)
