@@ -541,7 +541,10 @@ class TestFrictionAlone:
         mesh = TriangleMesh.rectangle((4, 4), 2.0, 2.0)
         return ContactProblem(mesh, Material(1.0, 0.3, "stress"), [*contacts, *FREE])
 
-    @pytest.mark.parametrize(("problem", "reach"), [(block(0.5, 0.1), 0.8), (block(0.3, 0.2), 0.2), (plate(0.4), 0.4)])
+    @pytest.mark.parametrize(
+        ("problem", "reach"),
+        [(block(0.5, 0.1), 0.8), (block(0.3, 0.2), 0.2), (block(2.0, 0.1), 4.0), (plate(0.4), 0.4)],
+    )
     def test_errors_and_forces_of_a_higher_degree_are_within(self, problem, reach):
         result, fine = solve(problem, degree=4), solve(problem, degree=6)
         found = bounds_met(result, fine, 2.5)
@@ -620,7 +623,7 @@ class TestFrictionAlone:
         pulled = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1.0, 0.3), pulled)
         words = solve(pulled, degree=3).bracket.message.partition("no bound of the energy.")
         assert words[2].endswith("The result is not solved: inner infeasible.")
-        assert "Here it is 2.71." in solve(self.block(2.0, 0.5), degree=4).bracket.message
+        assert "Here it is 2.16." in solve(self.block(2.0, 0.5), degree=4).bracket.message
         even = replace(self.block(0.5, 0.0), material=Material(1.0, 0.0))  # what would stop it is a rigid motion
         glued = replace(even, conditions=[Contact("bottom", 0.5, cohesion=1e30), *even.conditions[1:]])
         assert [solve(each, degree=4).bracket.coulomb.reach for each in (even, glued)] == [np.inf, np.inf]
