@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import count
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 
@@ -143,25 +143,11 @@ class LimitRefinement(Outcome):
     """The problem on the last mesh."""
 
 
-RoundCallback: TypeAlias = Callable[[RefinementRound], object]
-"""Called with the record of a round."""
-
-
 @overload
 def refine(
-    problem: ContactProblem | Sequence[ContactProblem],
-    result: ContactResult | None = None,
-    target: float = 1e-3,
-    quantity: Quantity = "energy",
-    *,
-    max_unknowns: int = 20_000,
-    max_rounds: int | None = None,
-    time_limit: float | None = None,
-    guaranteed: bool = False,
-    callback: RoundCallback | None = None,
-    verbose: bool = False,
-    **options: Any,
-) -> Refinement: ...
+    problem: ContactProblem | Sequence[ContactProblem], result: ContactResult | None = None, target: float = 1e-3,
+    quantity: Quantity = "energy", **options: Any,
+) -> Refinement: ...  # fmt: skip
 
 
 @overload
@@ -180,7 +166,7 @@ def refine(
     max_rounds: int | None = None,
     time_limit: float | None = None,
     guaranteed: bool = False,
-    callback: RoundCallback | None = None,
+    callback: Callable[[RefinementRound], object] | None = None,
     verbose: bool = False,
     **options: Any,  # checked by solve
 ) -> Refinement | LimitRefinement:
@@ -311,7 +297,7 @@ def _start(own: TriangleMesh, result: ContactResult | None) -> TriangleMesh:
 
 
 def _refined(
-    strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
+    strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: Callable[[RefinementRound], object]
 ) -> Refinement | LimitRefinement:
     """The last answer that was assessed, or the first answer."""
     rounds = list[Round]()

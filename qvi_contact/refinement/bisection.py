@@ -109,7 +109,6 @@ class Round:
     parts: FloatArray  # (cells,): contributions of cells to the error, in any unit
     finer: Callable[[], TriangleMesh]  # makes the mesh of the next round, or stops
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
-    hopeless: bool = False  # whether bounds are not tried again, unless they are asked for
 
     @property
     def indicator(self) -> FloatArray:
@@ -194,10 +193,10 @@ class TriangleRefinement:
             raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
         value = self._value(answer)
         unit, where = measure.unit(last, value), places(answer)
-        hopeless = any(each.hopeless for each in earlier) and not self.settings.guaranteed
         rough = any(map(has_coulomb, last.problem.contacts))
-        is_wanted = not rough or (self.settings.guaranteed and measure.kind in FORCES)
-        are_bounds_tried = measure.bounded and len(results) == 1 and is_wanted and not hopeless
+        can_hold = measure.kind in FORCES and self.settings.guaranteed if rough else measure.bounded
+        have_failed = any(np.isfinite(each.reference) for each in earlier) and not self.settings.guaranteed
+        are_bounds_tried = can_hold and len(results) == 1 and not have_failed
         bounds = comparison = bounded(measure, value, last) if are_bounds_tried else None
         if comparison is None:
             comparison = self._compared(answer, value, unit, where)
@@ -219,11 +218,8 @@ class TriangleRefinement:
             else:
                 deeper = _deeper(mesh, where.corners, parts, self.settings.target / (estimate or 1.0))
         record = RefinementRound(mesh.cell_count, unknowns, value, estimate, comparison.certainty)
-        return Round(
-            answer=answer, record=record, unit=unit, parts=parts,
-            finer=partial(_finer, mesh, marked, deeper), reference=comparison.reference,
-            hopeless=hopeless or (are_bounds_tried and bounds is None),
-        )  # fmt: skip
+        finer, reference = partial(_finer, mesh, marked, deeper), comparison.reference
+        return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer, reference=reference)
 
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer compared with a reference solution; if that fails, with one degree more on the same mesh."""
