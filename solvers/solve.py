@@ -148,7 +148,7 @@ def other_paths(search: Search) -> Tries:
         run = search.run = before.again(path, turned=path != paths[0] and not is_inexact)
         run.iterate()
         near = ", near the bonded state" if path.start < paths[0].start else ""
-        name = f"condensed, friction's share {path.early:g}, then {path.late:g}{near}"
+        name = f"condensed, path weights {path.early:g}, then {path.late:g}{near}"
         yield run.attempt(name, f"the start before ended {before.reason.words}"), run.outcome()
         if run.reason in LAST or (run.reason is Status.SOLVED and not is_inexact):
             return

@@ -118,20 +118,30 @@ class CoulombBounds:
         stopped = self.norm.stopped
         return np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
 
+    @property
+    def scope(self) -> str:
+        """The solutions for which the bounds hold, after the word "solutions"; empty if they hold for all."""
+        if self.reach < _FAR:
+            return f" within {100.0 * self.reach:.3g} % of this one"
+        return f" with less than {self.reach - 1.0:.2g} times these stresses" if np.isfinite(self.reach) else ""
+
     def _relative(self, error: float) -> float:
         return error / self.size if self.size > 0.0 else float("inf") if error > 0.0 else 0.0
 
     @property
     def message(self) -> str:
         """The bound of the stresses, its condition, and the reasons why it is not guaranteed."""
-        kind, error = self.kind.capitalize(), 100.0 * self.relative_error
-        bound = f"{kind} bound under friction: stresses within {error:.2g} % of their energy norm."
         if not np.isfinite(self.within):
             return f"No bound under friction. {self.norm.reason}"
-        scope = f"It holds for solutions within {100.0 * self.reach:.3g} %, as contacts alone hold a body."
-        scope = scope if np.isfinite(self.reach) else ""
+        error = f"stresses within {100.0 * self.relative_error:.2g} % of their energy norm."
+        if self.relative_error > 1.0:
+            error = "the error of the stresses may be as large as they are. Refine the mesh."
+        scope = f"It holds for solutions{self.scope}, as contacts alone hold a body." if self.scope else ""
+        bound = f"{self.kind.capitalize()} bound under friction: {error}"
         return " ".join(filter(None, [bound, scope, *self.reasons, *self.places[:1]]))
 
+
+_FAR: Final = 10.0  # norms of the stress: a distance from there on is told by the size of the other stresses
 
 TOO_NEAR: Final = "No displacement was found that is far enough from an obstacle where it may slip either way."
 """Reason for no bounds: v slips either way on an edge far from an obstacle, but its opening is too small there."""
@@ -453,7 +463,7 @@ class _Pairs:
         return largest
 
     def _work(self, z: FloatArray, dual: CellFields) -> tuple[float, float]:
-        """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx and |ε(z) − cζ|, both with springs."""
+        """∫ τ : (ε(z) − cζ) − ε⁰ : ζ dx and |ε(z) − cζ|, both with springs."""
         fields, companion = self.fields, self.errors.displacement
         strain = companion.cell_strain(fields.t, z)
         misfit = strain - np.einsum("ckl,cgl->cgk", fields.compliances, dual.stress)

@@ -239,8 +239,8 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
         """Margins of the inequalities at (y, t, ρ)."""
         return np.concatenate([rows @ point, 1.0 - ((point[2] * corners - point[:2]) ** 2).sum(axis=1)])
 
-    negative_rho = np.array([0.0, 0.0, 0.0, -1.0]).dot
-    optimum = np.asarray(fmin_slsqp(negative_rho, np.array([0.0, 0.0, 1.0, -1.0]), f_ieqcons=margins, iprint=0))
+    negative_rho, start = np.array([0.0, 0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0, -1.0])
+    optimum = np.asarray(fmin_slsqp(negative_rho.dot, start, f_ieqcons=margins, iprint=0, acc=1e-12))
     y, t = optimum[:2], optimum[2]  # every centre y/t gives a bound, also one that is not the best
     ratio = float((rows[:, :3] @ optimum[:3]).min() / max(np.linalg.norm(t * corners - y, axis=1).max(), 1e-300))
     inf_sup = float(np.sin(0.5 * np.arcsin(max(ratio, 0.0))))  # ≤ β
@@ -284,8 +284,7 @@ UNHELD: Final = (
 _DEGREE: Final = 3  # of the displacements with which norms are computed
 _USEFUL: Final = 1.6  # largest proved norm that is used: bounds by larger ones are many times as large as the errors
 _MOTIONS: Final = 3  # up to this number of motions, the norm is computed for all combinations of their senses
-_PARTS: Final = (1.0, 0.5, 0.25, 0.125)  # λ in (D39), the part of the unused friction that is taken: r grows with λ
-_NEARLY: Final = 0.75  # of the largest reach: the smallest λ whose reach is above is taken
+_PARTS: Final = (0.125, 0.25, 0.5, 1.0)  # λ in (D39), the part of the unused friction that is taken: r grows with λ
 _ALIKE: Final = 1e-6  # relative to a motion's largest coefficient: slips that differ by less are equal, or zero
 _STOPS: Final = 1e-6  # relative singular value of the means of motions over groups, below which a motion is not stopped
 _RIGID: Final = 1e-10  # strain energy, relative to that of the single coefficients, below which a motion is rigid
@@ -392,13 +391,18 @@ class Stopped:
     masses: FloatArray  # (j,): M_k = ∫ ω ds over the group [energy per unit of displacement]
     images: FloatArray  # (j,): |R d_k|, the largest over all senses [√energy per unit of displacement]
     energies: _Energies  # of displacements whose means over the groups are 0
-    norm: float = np.inf  # norm of R for s + p on these displacements, the largest over all senses
+    norm: float  # norm of R for s + p on these displacements, the largest over all senses
 
     @property
     def reach(self) -> float:
         """S* = min M_k/|R d_k| [√energy], infinite where all R d_k are rigid motions."""
         is_strained = self.images > 0.0
         return float((self.masses[is_strained] / self.images[is_strained]).min(initial=np.inf))
+
+    @property
+    def margin(self) -> float:
+        """S*/f for the factor f of ρ in F: in proportion to S*/F where ρ is most of the error; 0 without a bound."""
+        return self.reach / amplification(self.norm) if self.norm < LARGEST else 0.0
 
     def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
         """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α)."""
@@ -482,14 +486,14 @@ class _Energies:
         """The motions without strain that contacts stop, or a reason if some are not stopped.
 
         Friction alone is tried first, then pressure too. Contacts that press are cut into as many pieces as give the
-        largest reach. Weights and pressures are in the `unit` [stress].
+        largest margin. Weights and pressures are in the `unit` [stress].
         """
         friction_groups, unit = list(self._friction_groups(shares)), self.scales.energy * unit / self.scales.stress
         motions = self._stopped(shares, friction_groups, unit)
         if motions is None:
             pressure_groups = (self._pressure_groups(pressures, pieces) for pieces in _PIECES)
             candidates = [self._stopped(shares, [*friction_groups, *each], unit) for each in pressure_groups]
-            motions = max(filter(None, candidates), key=lambda each: each.reach, default=None)
+            motions = max(filter(None, candidates), key=lambda each: each.margin, default=None)
         if motions is None:
             slip = np.abs(self.slips @ self.motions).max(axis=1)
             slipping = [each.name for each in self.traces if each.name in shares and slip[each.here].max() > _ALIKE]
@@ -516,21 +520,21 @@ class _Energies:
         image, p_images = self.image(shares), [self.image(each.unused) for each in groups]
         restricted = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
         candidates = list[Stopped]()
+        is_rough = np.array([each.is_rough for each in groups])
         for part in _PARTS:  # the larger |R d_k| of both senses of t_k; on the other groups d_k does not slip
             both = [(image + sense * own) @ d[:, k] for sense in (part, -part) for k, own in enumerate(p_images)]
             images = self.sizes(np.transpose(both)).reshape(2, -1).max(axis=0)
-            candidates.append(Stopped(d, unit * np.where(is_friction, part, 1.0) * masses, images, restricted))
-        least_reach = _NEARLY * max(each.reach for each in candidates)
-        part, motions = [each for each in zip(_PARTS, candidates, strict=True) if each[1].reach >= least_reach][-1]
-        # the largest norm of R for s + p over all senses of p
-        scaled = [part * own for own, each in zip(p_images, groups, strict=True) if each.unused]
-        if len(scaled) <= _MOTIONS:
-            senses = np.array(list(product((1.0, -1.0), repeat=len(scaled))))
-            norm = max(restricted.norm(image + sum(map(np.multiply, each, scaled))) for each in senses)
-        else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
-            norm = restricted.norm(image) + float(np.sqrt(len(scaled))) * restricted.norm(*scaled)
-        # pressure with friction: RR = 0 is lost where R d_k strains the body, so r counts twice
-        return replace(motions, norm=2.0 * norm if motions.images[[each.is_rough for each in groups]].any() else norm)
+            # the largest norm of R for s + p over all senses of p
+            scaled = [part * own for own, each in zip(p_images, groups, strict=True) if each.unused]
+            if len(scaled) <= _MOTIONS:
+                senses = np.array(list(product((1.0, -1.0), repeat=len(scaled))))
+                norm = max(restricted.norm(image + sum(map(np.multiply, each, scaled))) for each in senses)
+            else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
+                norm = restricted.norm(image) + float(np.sqrt(len(scaled))) * restricted.norm(*scaled)
+            # pressure with friction: RR = 0 is lost where R d_k strains the body, so r counts twice
+            norm *= 2.0 if images[is_rough].any() else 1.0
+            candidates.append(Stopped(d, unit * np.where(is_friction, part, 1.0) * masses, images, restricted, norm))
+        return max(candidates, key=lambda each: each.margin)
 
     def _integrals(self, trace: DisplacementContact, omega: FloatArray, along: int) -> tuple[FloatArray, FloatArray]:
         """By edge w ↦ ∫ ω e_N ds (e, k), or ∫ ω e_T ds if `along` is 1, and ∫ ω ds (e,); ω has coefficients (e, q)."""

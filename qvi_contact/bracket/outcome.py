@@ -91,9 +91,10 @@ class Bracket:
         if coulomb is None:
             why = self.coulomb_reason if self.coulomb is None else self.coulomb.message
             return Uniqueness(float("inf"), Certainty.ESTIMATE, f"How far another solution can be is not known. {why}")
-        scope = f" within {100.0 * coulomb.reach:.3g} % of this one" if np.isfinite(coulomb.reach) else ""
-        distance = f"at most {100.0 * coulomb.apart:.2g} % of the energy norm of the stresses ({coulomb.kind})"
-        return Uniqueness(coulomb.apart, self.certainty, f"Any two solutions{scope} differ by {distance}.")
+        share = 100.0 * coulomb.apart
+        differ = f"differ by at most {share:.2g} % of" if share <= 100.0 else "may differ by more than"
+        message = f"Any two solutions{coulomb.scope} {differ} the energy norm of the stresses ({coulomb.kind})."
+        return Uniqueness(coulomb.apart, self.certainty, message)
 
     @property
     def certainty(self) -> Certainty:

@@ -395,7 +395,6 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
     size = max(float(np.abs(target).max()), *(float(share.weights.max(initial=0.0)) for share in shares.values()))
     if not np.abs(target).max(initial=0.0) > 0.0:
         return result, dict(shares)
-    is_free &= np.abs(target) <= _MET * size  # at the changed ends the shear is prescribed
     shear_rows = sparse.csr_array(qvi.T - sparse.diags_array(signed_friction) @ qvi.N)
     for pressure_changes in (False, True):
         free_shear, free_pressure = is_free, is_pressed & pressure_changes

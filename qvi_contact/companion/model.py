@@ -427,9 +427,9 @@ def least_energy(stiffness: FloatArray, given: FloatArray, zero: FloatArray) -> 
     energy, free_stiffness = P.T @ stiffness @ P, free.T @ stiffness @ free
     if len(free_stiffness):  # rigid motions are left out: they make the matrix singular
         values, vectors = np.linalg.eigh((free_stiffness + free_stiffness.T) / 2.0)
-        is_strained = values > SINGULAR * values[-1]
-        cross = vectors[:, is_strained].T @ (free.T @ stiffness @ P)
-        energy = energy - cross.T @ (cross / values[is_strained, None])
+        has_energy = values > SINGULAR * values[-1]
+        cross = vectors[:, has_energy].T @ (free.T @ stiffness @ P)
+        energy = energy - cross.T @ (cross / values[has_energy, None])
     return np.asarray((energy + energy.T) / 2.0)
 
 

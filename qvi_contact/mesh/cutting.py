@@ -267,9 +267,14 @@ def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
     sides = new_vertex[topology.of_cells]
     count = (sides >= 0).sum(axis=1)
     one_or_two, all_three = (count == 1) | (count == 2), count == 3
-    # the longest halved side; of equal ones side 1, then 2, then 0
-    order, lengths = np.array([1, 2, 0]), np.where(sides >= 0, _lengths(mesh), -1.0)
-    rotation = np.where(one_or_two, order[np.argmax(lengths[:, order], axis=1)], 0)[:, None] + np.arange(3)
+    # the longest halved side; of two equal ones the next counterclockwise after the third side
+    lengths, (first, second) = (
+        np.where(sides >= 0, _lengths(mesh), -1.0),
+        np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1),
+    )
+    are_equal = (lengths >= (1.0 - _EQUAL) * lengths.max(axis=1, keepdims=True)).sum(axis=1) == 2
+    after = (lengths.argmin(axis=1) + np.where(cross(first, second) > 0.0, 1, 2)) % 3
+    rotation = np.where(one_or_two, np.where(are_equal, after, lengths.argmax(axis=1)), 0)[:, None] + np.arange(3)
     nodes = np.concatenate([np.take_along_axis(each, rotation % 3, axis=1) for each in (mesh.cells, sides)], axis=1)
     last_is_cut, next_is_cut = nodes[:, 5] >= 0, nodes[:, 4] >= 0
     children, parents = list[IntArray](), list[IntArray]()

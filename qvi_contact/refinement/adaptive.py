@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import count
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 
@@ -143,25 +143,11 @@ class LimitRefinement(Outcome):
     """The problem on the last mesh."""
 
 
-RoundCallback: TypeAlias = Callable[[RefinementRound], object]
-"""Called with the record of a round."""
-
-
 @overload
 def refine(
-    problem: ContactProblem | Sequence[ContactProblem],
-    result: ContactResult | None = None,
-    target: float = 1e-3,
-    quantity: Quantity = "energy",
-    *,
-    max_unknowns: int = 20_000,
-    max_rounds: int | None = None,
-    time_limit: float | None = None,
-    guaranteed: bool = False,
-    callback: RoundCallback | None = None,
-    verbose: bool = False,
-    **options: Any,
-) -> Refinement: ...
+    problem: ContactProblem | Sequence[ContactProblem], result: ContactResult | None = None, target: float = 1e-3,
+    quantity: Quantity = "energy", **options: Any,
+) -> Refinement: ...  # fmt: skip
 
 
 @overload
@@ -180,7 +166,7 @@ def refine(
     max_rounds: int | None = None,
     time_limit: float | None = None,
     guaranteed: bool = False,
-    callback: RoundCallback | None = None,
+    callback: Callable[[RefinementRound], object] | None = None,
     verbose: bool = False,
     **options: Any,  # checked by solve
 ) -> Refinement | LimitRefinement:
@@ -311,31 +297,35 @@ def _start(own: TriangleMesh, result: ContactResult | None) -> TriangleMesh:
 
 
 def _refined(
-    strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
+    strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: Callable[[RefinementRound], object]
 ) -> Refinement | LimitRefinement:
     """The last answer that was assessed, or the first answer."""
-    settings, rounds = strategy.settings, list[Round]()
+    rounds = list[Round]()
     answer: Any = None
     try:
         while True:
-            answer = _answer(strategy, mesh, first=not rounds)
+            failed = RefinementStatus.THIN_CELLS  # the data are right, as the mesh before took them
+            mesh = rounds[-1].finer() if rounds else mesh
+            answer = strategy.answer(mesh)
+            failed = RefinementStatus.UNSOLVED
             assessed = strategy.assessed(mesh, answer, rounds)
-            record = assessed.record
-            before = rounds[-1].record if rounds and rounds[-1].record.certainty is not Certainty.ESTIMATE else record
-            if deadline.over and record.estimate > before.estimate:  # time ran out before the bounds were computed
-                raise StopError(RefinementStatus.TIME_LIMIT)
+            before = rounds[-1].record if rounds else assessed.record
+            is_bound = before.certainty is not Certainty.ESTIMATE
+            if deadline.over and is_bound and assessed.record.estimate > before.estimate:
+                raise StopError(RefinementStatus.TIME_LIMIT)  # time ran out before the bounds were computed
             rounds.append(assessed)
-            callback(record)
-            if record.estimate <= settings.target:
-                is_enough = record.guaranteed or not settings.guaranteed
-                raise StopError(RefinementStatus.REACHED if is_enough else RefinementStatus.NO_GUARANTEE)
-            if deadline.over:
-                raise StopError(RefinementStatus.TIME_LIMIT)
-            if len(rounds) >= settings.max_rounds:
-                raise StopError(RefinementStatus.ROUNDS)
-            mesh = rounds[-1].finer()
+            callback(assessed.record)
+            _stop_at_end(strategy.settings, rounds)
     except StopError as stop:
-        fields: dict[str, Any] = {"status": stop.status, "reason": stop.reason, "target": settings.target}
+        if answer is None:
+            remedy = f"{stop.reason}: allow more, or start coarser"
+            raise InputError("max_unknowns", strategy.settings.max_unknowns, remedy) from stop
+        status, reason = stop.status, stop.reason
+    except QVIError as error:
+        if not rounds:
+            raise
+        status, reason = RefinementStatus.TIME_LIMIT if deadline.over else failed, str(error)
+    fields: dict[str, Any] = {"status": status, "reason": reason, "target": strategy.settings.target}
     fields |= {"rounds": tuple(each.record for each in rounds), "unit": np.nan, "indicator": np.zeros(mesh.cell_count)}
     if rounds:
         last = rounds[-1]
@@ -349,17 +339,13 @@ def _refined(
     return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.problem, **fields)
 
 
-def _answer(strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, *, first: bool) -> Any:
-    """The answer on a mesh; an error on the first mesh is raised, on a finer mesh it ends the rounds."""
-    try:
-        return strategy.answer(mesh)
-    except StopError as stop:
-        if not first:
-            raise
-        remedy = f"{stop.reason}: allow more, or start coarser"
-        raise InputError("max_unknowns", strategy.settings.max_unknowns, remedy) from stop
-    except QVIError as error:
-        if first:
-            raise
-        status = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
-        raise StopError(status, str(error)) from error  # the data are right, as the mesh before took them
+def _stop_at_end(settings: Settings, rounds: Sequence[Round]) -> None:
+    """`StopError` if the target is met, or time or rounds are used up."""
+    record = rounds[-1].record
+    if record.estimate <= settings.target:
+        is_enough = record.guaranteed or not settings.guaranteed
+        raise StopError(RefinementStatus.REACHED if is_enough else RefinementStatus.NO_GUARANTEE)
+    if deadline.over:
+        raise StopError(RefinementStatus.TIME_LIMIT)
+    if len(rounds) >= settings.max_rounds:
+        raise StopError(RefinementStatus.ROUNDS)

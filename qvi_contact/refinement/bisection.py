@@ -109,7 +109,6 @@ class Round:
     parts: FloatArray  # (cells,): contributions of cells to the error, in any unit
     finer: Callable[[], TriangleMesh]  # makes the mesh of the next round, or stops
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
-    hopeless: bool = False  # whether bounds are not tried again
 
     @property
     def indicator(self) -> FloatArray:
@@ -192,14 +191,12 @@ class TriangleRefinement:
                 if last.stress_rounding > last.certificate.tolerance * unit:  # rounding alone exceeds the tolerance
                     status = RefinementStatus.THIN_CELLS
             raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
-        value = self._value(answer, late=bool(earlier))
-        unit, places_of_steps = measure.unit(last, value), [places(each) for each in results]
-        where = Places(*(np.unique(np.concatenate(parts)) for parts in zip(*places_of_steps, strict=True)))
-        hopeless = len(results) > 1 or any(each.hopeless for each in earlier)
+        value = self._value(answer)
+        unit, where = measure.unit(last, value), places(answer)
         rough = any(map(has_coulomb, last.problem.contacts))
-        are_bounds_tried = (
-            measure.bounded and not hopeless and (not rough or (self.settings.guaranteed and measure.kind in FORCES))
-        )
+        can_hold = measure.kind in FORCES and self.settings.guaranteed if rough else measure.bounded
+        have_failed = any(np.isfinite(each.reference) for each in earlier) and not self.settings.guaranteed
+        are_bounds_tried = can_hold and len(results) == 1 and not have_failed
         bounds = comparison = bounded(measure, value, last) if are_bounds_tried else None
         if comparison is None:
             comparison = self._compared(answer, value, unit, where)
@@ -221,11 +218,8 @@ class TriangleRefinement:
             else:
                 deeper = _deeper(mesh, where.corners, parts, self.settings.target / (estimate or 1.0))
         record = RefinementRound(mesh.cell_count, unknowns, value, estimate, comparison.certainty)
-        return Round(
-            answer=answer, record=record, unit=unit, parts=parts,
-            finer=partial(_finer, mesh, marked, deeper), reference=comparison.reference,
-            hopeless=hopeless or (are_bounds_tried and bounds is None),
-        )  # fmt: skip
+        finer, reference = partial(_finer, mesh, marked, deeper), comparison.reference
+        return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer, reference=reference)
 
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer compared with a reference solution; if that fails, with one degree more on the same mesh."""
@@ -238,6 +232,14 @@ class TriangleRefinement:
                 references = steps_of(found)
                 if len(references) < len(results) or not references[-1].has_state:
                     continue
+                # where the reference alone shows a change of state, its zones may be too small for the reference, too
+                cells = places(found).cells
+                unseen = cells[~np.isin(problem.mesh.locate(mesh.corners[cells].mean(axis=1)), at.cells)]
+                if len(unseen) and mesh is not problem.mesh:
+                    finer = reference_problem(replace(problem, mesh=mesh), Places(unseen, at.corners[:0])).mesh
+                    again = self._solved(finer, self.degree + 1, np.inf, further)
+                    found = again if again.status is Status.SOLVED else found
+                    references = steps_of(found)
                 reference = self._value(found)
             except QVIError:
                 continue
@@ -262,19 +264,11 @@ class TriangleRefinement:
             return solve_history(steps, **options)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
 
-    def _value(self, answer: ContactResult | History, *, late: bool = False) -> float:
-        """The quantity; of a history in its last step, but the friction work of all steps.
-
-        A function that gives no number is an `InputError`; if `late`, in later rounds, a `StopError` keeps these.
-        """
+    def _value(self, answer: ContactResult | History) -> float:
+        """The quantity; of a history in its last step, but the friction work of all steps."""
         if isinstance(answer, History) and self.measure.kind == "dissipation":
             return float(answer.dissipated.sum())
-        try:
-            return self.measure.value(steps_of(answer)[-1])
-        except InputError as error:
-            if not late:
-                raise
-            raise StopError(RefinementStatus.UNSOLVED, str(error)) from error
+        return self.measure.value(steps_of(answer)[-1])
 
 
 def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:
@@ -347,32 +341,33 @@ class Places(NamedTuple):
     corners: IntArray  # (c,): vertices where stresses may be singular
 
 
-def places(result: ContactResult) -> Places:
-    """The places at which the mesh of an answer is bisected for a reference solution.
+def places(answer: ContactResult | History) -> Places:
+    """The places at which the mesh of an answer is bisected for a reference solution, those of all load steps.
 
     Slip in each direction is a state of its own. So are pressure and tension: μ|σ_N| has a kink where σ_N changes its
     sign. Corners are vertices where conditions change or the boundary turns inwards, and where joints end or meet.
     """
-    problem, mesh, unit = result.problem, result.problem.mesh, result.discretization.scales.stress
-    cells = [np.empty(0, dtype=np.int64)]
-    for contact in problem.contacts:
-        edges, line = mesh.edges(contact.edges), result.contacts[contact.name]
-        is_leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
-        is_tensile = has_coulomb(contact) & (line.effective_normal_stress > _NOISE * unit)
-        state = (np.where(is_leftward, _LEFTWARD, line.state) * np.where(is_tensile, -1, 1)).reshape(len(edges), -1)
-        ends = np.stack([edges.first, edges.second])
-        at_ends = np.unique([ends.ravel(), np.concatenate([state[:, 0], state[:, -1]])], axis=1)
-        vertex, states = np.unique(at_ends[0], return_counts=True)
-        does_change = np.isin(ends, vertex[states > 1]).any(axis=0)
-        changing = edges.cells[(state != state[:, :1]).any(axis=1) | does_change]
-        cells.append(changing[changing >= 0])
-    vertices, angle, changes, _ = outline_vertices(problem)
-    corners = [vertices[changes | (angle > np.pi + _TURN)]]
-    if problem.joints:
-        lines = [mesh.edges(contact.edges) for contact in problem.joints]
-        ends = np.concatenate([np.concatenate([each.first, each.second]) for each in lines])
-        vertex, count = np.unique(ends, return_counts=True)
-        corners.append(vertex[count != 2])
+    cells, corners = [np.empty(0, dtype=np.int64)], list[IntArray]()
+    for result in steps_of(answer):
+        problem, mesh, unit = result.problem, result.problem.mesh, result.discretization.scales.stress
+        for contact in problem.contacts:
+            edges, line = mesh.edges(contact.edges), result.contacts[contact.name]
+            is_leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
+            is_tensile = has_coulomb(contact) & (line.effective_normal_stress > _NOISE * unit)
+            state = (np.where(is_leftward, _LEFTWARD, line.state) * np.where(is_tensile, -1, 1)).reshape(len(edges), -1)
+            ends = np.stack([edges.first, edges.second])
+            at_ends = np.unique([ends.ravel(), np.concatenate([state[:, 0], state[:, -1]])], axis=1)
+            vertex, states = np.unique(at_ends[0], return_counts=True)
+            does_change = np.isin(ends, vertex[states > 1]).any(axis=0)
+            changing = edges.cells[(state != state[:, :1]).any(axis=1) | does_change]
+            cells.append(changing[changing >= 0])
+        vertices, angle, changes, _ = outline_vertices(problem)
+        corners.append(vertices[changes | (angle > np.pi + _TURN)])
+        if problem.joints:
+            lines = [mesh.edges(contact.edges) for contact in problem.joints]
+            ends = np.concatenate([np.concatenate([each.first, each.second]) for each in lines])
+            vertex, count = np.unique(ends, return_counts=True)
+            corners.append(vertex[count != 2])
     return Places(np.unique(np.concatenate(cells)), np.unique(np.concatenate(corners)))
 
 

@@ -9,7 +9,7 @@ from qvi_contact import InputError, Polynomial, RefinementStatus, RigidPlate, Tr
 from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
-from qvi_contact.refinement import bulk, energies_between, places, reference_problem
+from qvi_contact.refinement import bounded, bulk, energies_between, places, reference_problem
 from solvers import Status
 from solvers.basics import Progress, report
 from tests.cases import refused_at
@@ -71,6 +71,12 @@ class TestBounds:
         assert (outcome.result.contacts["plate"].state == 1).all()
         assert outcome.status is RefinementStatus.REACHED
         assert not outcome.guaranteed
+
+    def test_bounds_that_are_asked_for_are_tried_on_every_mesh(self, monkeypatch):
+        none = iter([None])
+        monkeypatch.setattr("qvi_contact.refinement.bisection.bounded", lambda *given: next(none, bounded(*given)))
+        outcome = refine(plate(0.2), None, 1e-6, FORCE, guaranteed=True, degree=4, max_rounds=2)
+        assert [each.guaranteed for each in outcome.rounds] == [False, True]
 
     def test_a_bracket_that_does_not_hold(self):
         """Data that the elements cannot follow: no bound."""
@@ -148,6 +154,16 @@ class TestReferenceSolution:
         assert (result.contacts["bottom"].state == state).all()
         middle = result.problem.mesh.corners[places(result).cells].mean(axis=1)
         assert 0.0 < np.abs(middle[:, 0] - 0.5).max() < 0.3
+
+    def test_zones_that_it_alone_shows_are_bisected_in_it(self):
+        """Tension below x = 0.012, of which the answer shows nothing; the force is settled by degree 8."""
+        turned = Displacement("top", x=3.2e-4, y=Polynomial([[-6.8e-4], [9.2e-4]]))
+        conditions = [Contact("bottom", 0.5, law="bilateral"), turned, *FREE]
+        outcome = refine(
+            ContactProblem(TriangleMesh.rectangle((3, 2)), Material(1e4, 0.2), conditions), None, 1e-4,
+            "bottom.normal_force", max_rounds=1,
+        )  # fmt: skip
+        assert 1.0 <= outcome.error / abs(outcome.value - 2.18935) < 3.0
 
     def test_it_keeps_all_vertices_and_is_not_much_larger(self):
         problem = plate(0.2, (4, 4))

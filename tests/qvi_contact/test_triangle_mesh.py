@@ -173,10 +173,11 @@ class TestRefined:
         """Sectors of a disc, which have two longest ones. Angles become no smaller than half of the smallest one."""
         mesh, found = half_disc().mesh, []
         for order in (np.arange(14), np.random.default_rng(0).permutation(14)):
-            fine = TriangleMesh(mesh.vertices[order], np.argsort(order)[mesh.cells])
+            fine = bare = TriangleMesh(mesh.vertices[order], np.argsort(order)[mesh.cells])
             for _ in range(8):
                 fine = fine.refined(fine.locate(mesh.corners[0].mean(axis=0)[None]))
-            found.append(np.sort(fine.corners.mean(axis=1) @ [1.0, 1j]))
+            middles = (each.corners.mean(axis=1) for each in (fine, bare.graded([(0.0, 0.0)], 2, ratio=0.3)))
+            found.append(np.concatenate([np.sort_complex(each @ [1.0, 1j]) for each in middles]))
         assert found[0] == pytest.approx(found[1])
         a, b, c = (np.concatenate([mesh.corners, fine.corners]) @ [1.0, 1j]).T
         angles = np.abs(np.angle([(b - a) / (c - a), (c - b) / (a - b), (a - c) / (b - c)])).min(axis=0)

@@ -159,11 +159,13 @@ class TestNorms:
     @pytest.mark.parametrize("problem", [half_disc(0.1), sheared_layer(0.1), clamped_plate(0.1)])
     def test_star_shaped_bodies(self, problem):
         """|Sv|/|v| of finite elements, for which Sv = η v_t n is one too, is less than what is proved, turned too."""
+        x, y = problem.mesh.vertices.T  # leaning, as the best centre of an even body is found at once
+        problem = replace(problem, mesh=replace(problem.mesh, vertices=np.column_stack([x + 0.1 * y, y])))
         shares = shared(problem, -1.0)
         least, proved = 0.1 * quotient(problem, degree=4), star_norm(problem, shares)
         assert computed_norm(problem, shares) / 1.01 <= least < proved
         turned = replace(problem, mesh=oblique(problem.mesh, 40.0))
-        assert star_norm(turned, shares) == pytest.approx(proved, rel=1e-6)
+        assert star_norm(turned, shares) == pytest.approx(proved, rel=1e-11)
         assert friction_norm(problem, shares).proved
 
     @pytest.mark.parametrize("seed", range(2))
@@ -345,6 +347,14 @@ class TestScope:
         pressed, pulled = (sign * np.linalg.lstsq(rows, wanted, rcond=None)[0] for sign in (1.0, -1.0))
         assert carrying(result, pressed).bracket.coulomb.shares["plate"].values[0] == pytest.approx([0.2, 0.4, 0.6])
         assert "does not obey the law of contact 'plate'" in carrying(result, pulled).bracket.coulomb_reason
+
+    def test_rounding_does_not_decide_where_a_share_may_change(self):
+        """Inside of an edge that sticks a coefficient of s is 1, up to what solvers leave."""
+        result, random = solve(pressed_block(0.3, (4, 4)), degree=5), np.random.default_rng(0)
+        error, z = result.bracket.coulomb.error, result.solution.z
+        for _ in range(3):
+            disturbed = carrying(result, z + 1e-10 * np.abs(z).max() * random.standard_normal(len(z)))
+            assert disturbed.bracket.coulomb.error == pytest.approx(error, rel=1e-5)
 
     def test_pressure_where_displacements_leave_the_obstacle_counts(self):
         """δ = ∫ |τ_N| (g − v_N) ds, on a contact that opens inside an edge."""
@@ -532,7 +542,10 @@ class TestFrictionAlone:
         mesh = TriangleMesh.rectangle((4, 4), 2.0, 2.0)
         return ContactProblem(mesh, Material(1.0, 0.3, "stress"), [*contacts, *FREE])
 
-    @pytest.mark.parametrize(("problem", "reach"), [(block(0.5, 0.1), 0.8), (block(0.3, 0.2), 0.2), (plate(0.4), 0.4)])
+    @pytest.mark.parametrize(
+        ("problem", "reach"),
+        [(block(0.5, 0.1), 0.8), (block(0.3, 0.2), 0.2), (block(2.0, 0.1), 4.0), (plate(0.4), 0.4)],
+    )
     def test_errors_and_forces_of_a_higher_degree_are_within(self, problem, reach):
         result, fine = solve(problem, degree=4), solve(problem, degree=6)
         found = bounds_met(result, fine, 2.5)
@@ -589,6 +602,18 @@ class TestFrictionAlone:
         first, second = (computed_norm(each, shared(each, 1.0)) for each in posed)
         assert first == pytest.approx(second, rel=1e-6)
 
+    def test_where_shares_of_the_stresses_say_little(self):
+        """A body that much cohesion holds, and one cell that presses at one end."""
+        glued = solve(with_law(self.block(0.3, 0.1), cohesion=1e3)).bracket
+        for said in (glued.message, glued.uniqueness.message):
+            assert f"solutions with less than {glued.coulomb.reach:.2g} times these stresses" in said
+        mesh, tilted = TriangleMesh.rectangle((1, 1)), Displacement("top", x=0.0, y=Polynomial([[-0.1], [0.25]]))
+        wide = solve(
+            ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.2), tilted, *FREE]), degree=3
+        ).bracket
+        assert "the error of the stresses may be as large as they are" in wide.message
+        assert "may differ by more than the energy norm" in wide.uniqueness.message
+
     def test_where_nothing_sticks(self):
         """A force that friction can just bear: the message says what is missing."""
         found = solve(self.block(0.2, 0.2), degree=4)
@@ -599,7 +624,7 @@ class TestFrictionAlone:
         pulled = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1.0, 0.3), pulled)
         words = solve(pulled, degree=3).bracket.message.partition("no bound of the energy.")
         assert words[2].endswith("The result is not solved: inner infeasible.")
-        assert "Here it is 2.71." in solve(self.block(2.0, 0.5), degree=4).bracket.message
+        assert "Here it is 2.16." in solve(self.block(2.0, 0.5), degree=4).bracket.message
         even = replace(self.block(0.5, 0.0), material=Material(1.0, 0.0))  # what would stop it is a rigid motion
         glued = replace(even, conditions=[Contact("bottom", 0.5, cohesion=1e30), *even.conditions[1:]])
         assert [solve(each, degree=4).bracket.coulomb.reach for each in (even, glued)] == [np.inf, np.inf]

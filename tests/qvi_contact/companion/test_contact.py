@@ -7,7 +7,7 @@ import pytest
 
 from qvi_contact import InputError, TriangleMesh, solve
 from qvi_contact.companion import DualProblem, solve_companion
-from qvi_contact.gallery import compressed_plate, exact, ssnv128
+from qvi_contact.gallery import compressed_plate, exact
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
 from tests.cases import every_pair, refused_at
@@ -83,19 +83,6 @@ def test_no_penetration_between_nodes(degree):
     pressed = line.normal_stress < 1e-6 * line.normal_stress.min()
     assert line.gap[pressed] == pytest.approx(0.0, abs=1e-15)
     assert line.gap[~pressed].max() > 1e-4
-
-
-def test_given_bound():
-    """Tresca by `bounds` is Tresca by cohesion."""
-    problem = ssnv128((6, 6))
-    t = np.linspace(0.0, 1.0, 3)
-    x, _ = problem.mesh.points_along(problem.mesh.edges("bottom"), t)
-    s = 2e7 * (1.0 + 30.0 * x)  # linear: Bernstein coefficients are values
-    base = Contact("bottom", 0.0, cohesion=lambda px, _: 2e7 * (1.0 + 30.0 * px), name="base")
-    tresca = replace(problem, conditions=[base, *problem.conditions[1:]])
-    one, other = companion_of(problem, bounds={"base": s}), companion_of(tresca)
-    assert one.contacts["base"].slip == pytest.approx(other.contacts["base"].slip, abs=1e-9 * 4e-5)
-    assert one.contacts["base"].tangential_force == pytest.approx(other.contacts["base"].tangential_force, rel=1e-9)
 
 
 @pytest.mark.parametrize("bond", [2.0, 5.0])
