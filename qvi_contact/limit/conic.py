@@ -102,8 +102,10 @@ class ConicProgram:
         b = np.concatenate([equations[1], inequalities[1], g])
         return cls(q, A, b, len(equations[1]), len(inequalities[1]), d, dependent)
 
-    def solve(self, regular: Sequence[float] = REGULAR) -> Answer | str:
+    def solve(self, regular: Sequence[float] = REGULAR, *, share: float = 0.0, room: float = 0.0) -> Answer | str:
         """The solver's answer; or "infeasible", or "unbounded", if the solver has a certificate of that.
+
+        The answer keeps positive limits reduced by a share, and all limits reduced by a room.
 
         Raises
         ------
@@ -116,16 +118,17 @@ class ConicProgram:
         cones = [clarabel.ZeroConeT(self.equal)] if self.equal else []
         cones += [clarabel.NonnegativeConeT(self.linear)] if self.linear else []
         cones += [clarabel.SecondOrderConeT(self.width)] * blocks
-        scale = self._scale
+        scale, b = self._scale, self.b.copy()
+        b[self._heads] -= share * np.maximum(b[self._heads], 0.0) + room
         A = sparse.csc_array(sparse.csc_array(self.A) @ sparse.diags_array(1.0 / scale))
-        q, unit = self.q / scale, float(np.abs(self.b).max(initial=0.0)) or 1.0
+        q, unit = self.q / scale, float(np.abs(b).max(initial=0.0)) or 1.0
         size = float(np.abs(q).max(initial=0.0)) or 1.0  # the solver's tolerances are for numbers near 1
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
         gap = _COARSER if blocks > _LARGE else _TOLERANCE
         settings.tol_gap_abs, settings.tol_gap_rel, settings.tol_feas = gap, gap, _TOLERANCE
         settings.iterative_refinement_max_iter = _REFINED
-        data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, cones
+        data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), b / unit, cones
         failed: list[Any] = []
         usual = self.dependent and _STRONGER not in regular
         for regularisation in (None, _STRONGER) if usual else (*regular, _USUAL):  # a regularisation may fail
@@ -161,7 +164,7 @@ class ConicProgram:
 
     def up_to(self, most: float) -> ConicProgram:
         """The program with −q·x ≤ `most` added."""
-        return self._extended(self.q, sparse.csr_array((len(self.b), 0)), -self.q[None], np.array([most]))
+        return self._extended(self.q, -self.q[None], np.array([most]))
 
     @cached_property
     def falls(self) -> bool:
@@ -171,22 +174,24 @@ class ConicProgram:
         heads of cones and slacks of inequalities have a sum of at most 1.
         """
         any_size = replace(self, b=np.zeros_like(self.b)).up_to(1.0)
-        none = sparse.csr_array((len(any_size.b), 0))
-        limited = any_size._extended(self.q, none, -self.A[self._heads].sum(axis=0)[None], np.ones(1))
-        for program, regular in ((any_size, REGULAR), (limited, (_STRONGER,) if self.dependent else REGULAR)):
-            answer: Answer | str = INFEASIBLE
-            with suppress(SolveError):
-                answer = program.solve(regular)
-            if isinstance(answer, str):
-                continue
-            x, violation = program.repaired(answer.x)
-            fall, magnitude = -float(self.q @ x), float(np.abs(self.q) @ np.abs(x))
-            # effect of the violation on q·x, by the multipliers; q stands in where limits of the fall hide a multiplier
-            prices = np.append(self.q, answer.multipliers[program._heads])
-            effect = violation * program.size(x) * float(np.abs(prices).sum())
-            if fall > _GAIN * magnitude and effect <= _MISSED * fall:
-                return True
-        return False
+        if any_size._answer_falls(REGULAR):
+            return True
+        limited = any_size._extended(self.q, -self.A[self._heads].sum(axis=0)[None], np.ones(1))
+        return limited._answer_falls((_STRONGER,) if self.dependent else REGULAR)
+
+    def _answer_falls(self, regular: Sequence[float]) -> bool:
+        """Whether the program has an answer with q·x < 0, by more than rounding."""
+        answer: Answer | str = INFEASIBLE
+        with suppress(SolveError):
+            answer = self.solve(regular)
+        if isinstance(answer, str):
+            return False
+        x, violation = self.repaired(answer.x)
+        fall, magnitude = -float(self.q @ x), float(np.abs(self.q) @ np.abs(x))
+        # effect of the violation on q·x, by the multipliers; q stands in where limits of the fall hide a multiplier
+        prices = np.append(self.q, answer.multipliers[self._heads])
+        effect = violation * self.size(x) * float(np.abs(prices).sum())
+        return fall > _GAIN * magnitude and effect <= _MISSED * fall
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None
@@ -231,9 +236,9 @@ class ConicProgram:
         program = replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(used.sum()))
         return self._narrower.setdefault((kept.tobytes(), unit[ray].tobytes()), program)  # equal programs: one object
 
-    def _extended(self, q: FloatArray, columns: sparse.csr_array, rows: Any, limits: FloatArray) -> ConicProgram:
+    def _extended(self, q: FloatArray, rows: Any, limits: FloatArray, *columns: sparse.csr_array) -> ConicProgram:
         """The program with more columns, then with more inequalities."""
-        k, A = self.equal + self.linear, sparse.csr_array(sparse.hstack([self.A, columns]))
+        k, A = self.equal + self.linear, sparse.csr_array(sparse.hstack([self.A, *columns]))
         A = sparse.csr_array(sparse.vstack([A[:k], sparse.csr_array(rows), A[k:]]))
         return replace(self, q=q, A=A, b=np.insert(self.b, k, limits), linear=self.linear + len(limits))
 
@@ -310,9 +315,10 @@ class ConicProgram:
         violation = violation_of(x)
         if self.dependent and violation > ROUNDING and not (is_inside and self._share(x, inside) < _LITTLE):
             # solved again with room for the violation: inner flows may dissipate much more
-            answer = self.tightened(room=_TIGHTER * violation * size).solve()
-            x = min([x] if isinstance(answer, str) else [x, self.projected(answer.x)], key=worse)
-            violation = violation_of(x)
+            with suppress(SolveError):  # the first point stays
+                answer = self.solve(room=_TIGHTER * violation * size)
+                x = min([x] if isinstance(answer, str) else [x, self.projected(answer.x)], key=worse)
+                violation = violation_of(x)
         if least or violation > ROUNDING:
             point = inside if is_inside else self._inside()
             if point is not None:
@@ -337,11 +343,13 @@ class ConicProgram:
 
     def _inside(self) -> FloatArray | None:
         """A point as far inside all rows as possible; None if none is found."""
-        if not self.dependent:  # flows far inside dissipate too much
-            x, room = self.room()
-            if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
-                return x
-        return None if self._rooms is None else self._rooms[0]
+        with suppress(SolveError):
+            if not self.dependent:  # flows far inside dissipate too much
+                x, room = self.room()
+                if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
+                    return x
+            return None if self._rooms is None else self._rooms[0]
+        return None
 
     @cached_property
     def _rooms(self) -> tuple[FloatArray, FloatArray] | None:
@@ -359,13 +367,4 @@ class ConicProgram:
         bounds = sparse.vstack([own_rows, -own_rows]) if each else own_rows
         limits = np.concatenate([np.full(count, _NEAR if each else 1.0), np.zeros(count if each else 0)])
         small = (_SMALL if each else 0.0) * np.asarray(self.A[heads[self.linear :]].sum(axis=0)).ravel() / count
-        return self._extended(np.concatenate([-small, -np.ones(count) / count]), columns, bounds, limits)
-
-    def tightened(self, share: float = 0.0, room: float = 0.0) -> ConicProgram:
-        """The program with positive limits reduced by a share, and all limits by a room."""
-        b = self.b.copy()
-        b[self._heads] -= share * np.maximum(b[self._heads], 0.0) + room
-        program = replace(self, b=b)
-        if "falls" in vars(self):  # it does not depend on b, and takes as long as several solves
-            vars(program)["falls"] = self.falls
-        return program
+        return self._extended(np.concatenate([-small, -np.ones(count) / count]), bounds, limits, columns)

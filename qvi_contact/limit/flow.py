@@ -15,6 +15,7 @@ In `docs/theory.md`: (D37), (D38).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import pairwise
@@ -229,7 +230,9 @@ class FlowProgram:
             for _ in range(PASSES):
                 excess = -float(program.margins(raised(answer.x)).min(initial=0.0))
                 narrower = program.on_faces(cones.rays, *faces) if excess > ROUNDING and not deadline.over else None
-                answer = solve(narrower) if narrower else INFEASIBLE
+                answer = INFEASIBLE
+                with suppress(SolveError):  # the flow found so far stays
+                    answer = solve(narrower) if narrower else INFEASIBLE
                 if answer == UNBOUNDED:  # flows on faces keep the cones
                     return Flow(-np.inf)
                 if narrower is None or isinstance(answer, str):

@@ -72,6 +72,8 @@ class LimitLoad(float):
     parts stronger than 1e3 times the least strength relative to their own."""
     collapse: Collapse | None = None
     """The collapse of a body that yields; None if no part of it has a strength, or if a side is not finite."""
+    in_time: bool = True
+    """Whether both sides ended within the time limit. If not, the one that did not is infinite, the other one holds."""
 
     def __new__(cls, lower: float, *_: object, **__: object) -> LimitLoad:
         """The number `lower`, to which the fields are added."""
@@ -148,7 +150,7 @@ def limit_load_factor(
     InputError
         If a name is unknown, or the loads are out of balance.
     SolveError
-        If a program is not solved, or not in time; the linear program of the mesh to a relative accuracy of 1e-7.
+        If a program is not solved, the linear program of the mesh to a relative accuracy of 1e-7, or no side in time.
 
     """
     refuse_arguments(retired, (*OPTIONS, "verbose"))
@@ -156,8 +158,7 @@ def limit_load_factor(
         analysis = LimitProblem.of(problem, checked_loads(problem, loads), degree)
         log.begin({"loads": ", ".join(analysis.names), "unknowns": analysis.low.qvi.n})
         limit = analysis.limit
-        gap = limit.bound - analysis.carried.factor
-        is_bounded = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
+        is_bounded = problem.yields or limit.bound - limit.lower <= CERTIFIED * (1.0 + abs(limit))
         if np.isfinite(limit.lower) and not (is_bounded and limit.violation <= CERTIFIED):
             raise SolveError(
                 f"limit load: factor {limit.lower:.9g} and bound {limit.bound:.9g} do not agree (violation "
@@ -212,8 +213,13 @@ class LimitProblem:
         is_spared &= cones.most > _FAR * cones.least
         if any(flow.bound == -np.inf or (is_spared and flow.bound < np.inf) for flow, _ in flows):
             return flows[0]
-        known |= any(flow.bound < np.inf for flow, _ in flows)
-        return min([*flows, (full.solved(known=known, doubted=doubted), full)], key=lambda each: each[0].bound)
+        is_bounded = any(flow.bound < np.inf for flow, _ in flows)
+        try:
+            flows.append((full.solved(known=known or is_bounded, doubted=doubted), full))
+        except SolveError:
+            if not is_bounded:
+                raise
+        return min(flows, key=lambda each: each[0].bound)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
@@ -229,13 +235,28 @@ class LimitProblem:
 
     @cached_property
     def limit(self) -> LimitLoad:
-        """Both sides. The upper side of a body that yields is the smaller bound of flow and of rigid blocks."""
-        carried, low, (of_blocks, mechanism) = self.carried, self.low, self.of_blocks
+        """Both sides. The upper side of a body that yields is the smaller bound of flow and of rigid blocks.
+
+        At the time limit the side that is not known is infinite; `SolveError` if neither is.
+        """
+        low, (of_blocks, mechanism) = self.low, self.of_blocks
         is_straight, collapse = not self.problem.mesh.curved.any(), None
+        try:
+            carried = self.carried
+        except SolveError:
+            if not deadline.over or of_blocks == np.inf:
+                raise
+            return LimitLoad(-np.inf, of_blocks, mechanism, of_blocks, 0.0, in_time=False)
         if of_blocks == -np.inf or not self.problem.yields:
             lower = _checked(carried, of_blocks, is_straight)
             return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
-        flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
+        try:
+            flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
+        except SolveError:
+            if not deadline.over or carried.factor == -np.inf:
+                raise
+            lower = _checked(carried, of_blocks, is_straight)
+            return LimitLoad(lower, of_blocks, mechanism, of_blocks, carried.violation, in_time=False)
         upper = min(flow.bound, of_blocks)
         lower = _checked(carried, upper, is_straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:

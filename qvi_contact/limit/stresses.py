@@ -29,6 +29,7 @@ from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.conic import APART, FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
+from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -90,6 +91,11 @@ class Carried:
     def load_size(self) -> float:
         """Size of stresses that balance the loads; infinity if every multiple of the loads is carried."""
         return 1.0 if self.factor == -np.inf else max(1.0, abs(self.factor))
+
+
+def _wider(program: ConicProgram) -> float:
+    """The room by which limits become wider by nothing but rounding."""
+    return -WIDER * program.size(0.0 * program.q)
 
 
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
@@ -346,34 +352,45 @@ class StressProgram:
         The stresses are those of the program whose limits are reduced by 1e-8, if it has an answer, so that rounding
         does not break limits. Where no body yields, the answer of the simplex method comes first.
         """
+        carried = self._with_signs(partial(self._within_limits, share=share))
+        least = min(self.cones.least, self.cones.most) / self.low.scales.stress
+        if APART * carried.load_size >= least or self.most < np.inf or self.cones.limit.all():
+            return carried
+        # cones with a = 0 have no size of their own: rows are weighted again, relative to the loads
+        weighted = replace(self, most=carried.load_size)
+        try:
+            return weighted.carried(share)
+        except SolveError:  # the first answer, if it is within these limits too
+            if carried.tractions is None or carried.unknowns is None:
+                raise
+            first = weighted._held(weighted.program(weighted._likely_signs(carried.tractions)), carried.unknowns, 0.0)
+            if first.factor == -np.inf:
+                raise
+            return replace(first, bound=carried.bound)
 
-        def solve(signs: IntArray) -> Carried:
-            program, known, find = self.program(signs), None, cache(partial(self._of_program, share=share))
-            with suppress(SolveError):
-                known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
-            first = best = self._of_program(program, share, known)
-            resolutions = iter(FACES)
+    def _within_limits(self, signs: IntArray, share: float) -> Carried:
+        """The answer for signs of bilateral pressure."""
+        program, known, find = self.program(signs), None, cache(partial(self._of_program, share=share))
+        with suppress(SolveError):
+            known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
+        first = best = self._of_program(program, share, known)
+        resolutions = iter(FACES)
+        with suppress(SolveError):  # earlier answers stay valid
             for faces in islice(resolutions, 2):  # first the finer resolution of room, if the answer is that accurate
                 best = self._on_faces(program, first, find, faces)
                 if best is not first:
                     break
-            if first.violation <= ROUNDING:  # valid, although perhaps not the largest factor
-                best = max(first, best, key=lambda one: one.factor)
-            for faces in resolutions:
-                least_factor = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
-                if best is first or best.factor >= least_factor or deadline.over:
-                    break
-                with suppress(SolveError):  # earlier answers stay valid
-                    next_best = self._on_faces(program, first, find, faces)
-                    is_better = best.violation > ROUNDING or next_best.factor > best.factor
-                    best = next_best if next_best.violation <= ROUNDING and is_better else best
-            return best
-
-        carried, least = self._with_signs(solve), self.cones.least / self.low.scales.stress
-        if APART * carried.load_size >= least or self.most < np.inf or self.cones.limit.all():
-            return carried
-        # cones with a = 0 have no size of their own: rows are weighted again, relative to the loads
-        return replace(self, most=carried.load_size).carried(share)
+        if first.violation <= ROUNDING:  # valid, although perhaps not the largest factor
+            best = max(first, best, key=lambda one: one.factor)
+        for faces in resolutions:
+            least_factor = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
+            if best is first or best.factor >= least_factor or deadline.over:
+                break
+            with suppress(SolveError):
+                next_best = self._on_faces(program, first, find, faces)
+                is_better = best.violation > ROUNDING or next_best.factor > best.factor
+                best = next_best if next_best.violation <= ROUNDING and is_better else best
+        return best
 
     def _on_faces(
         self, program: ConicProgram, found: Carried, find: Callable[[ConicProgram], Carried], faces: tuple[float, float]
@@ -383,7 +400,7 @@ class StressProgram:
             is_doubtful = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
             if is_doubtful and found.violation <= ROUNDING and np.isfinite(found.factor) and program.falls:
                 return Carried(np.inf)
-            is_unsure = found.violation > ROUNDING or found.factor == -np.inf or is_doubtful
+            is_unsure = found.violation > ROUNDING or found.factor == -np.inf < found.bound or is_doubtful
             narrower = program.on_faces(self.cones.rays, *faces, found.unknowns) if is_unsure else None
             if narrower is None:
                 break
@@ -392,14 +409,17 @@ class StressProgram:
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
         """The first answer within the limits up to rounding: the known point, or the solver's; else the best answer."""
-        best, tighter, last = Carried(-np.inf), program.tightened(_TIGHTER), REGULAR[::-1]
-        for each, regular in ((None, REGULAR), (tighter, REGULAR), (program, REGULAR), (program, last)):
-            if regular is last and np.isfinite(best.factor):
+        best, last = Carried(-np.inf), REGULAR[::-1]
+        for tighter, regular in ((None, REGULAR), (_TIGHTER, REGULAR), (0.0, REGULAR), (0.0, last)):
+            if np.isfinite(best.factor) and (regular is last or deadline.over):
                 break
-            answer = each.solve(regular) if each else known
+            answer = known if tighter is None else program.solve(regular, share=tighter)
             if isinstance(answer, str) or answer is None:
                 if answer == UNBOUNDED:  # from a state within the limits; the load itself need not be within
                     return self._without_room(program, share, grows=True)
+                with suppress(SolveError):
+                    if answer == NO_ANSWER and tighter and program.solve(room=_wider(program)) == NO_ANSWER:
+                        return Carried(-np.inf, bound=-np.inf)
                 continue
             x = answer.x if isinstance(answer, Answer) else answer
             carried = self._held(program, *program.repaired(x, share))
@@ -426,14 +446,15 @@ class StressProgram:
         Growth may begin at the least multiple that is carried. The solver may find limits without room infeasible: only
         if wider limits have no answer either, no multiple is carried.
         """
-        with_unit_factor, wider = program.up_to(1.0), program.tightened(room=-WIDER * program.size(0.0 * program.q))
-        least, carried = replace(program, q=-program.q), Carried(-np.inf)
-        for each in (with_unit_factor, *[least] * grows, wider.up_to(1.0), wider):
+        with_unit_factor, least = program.up_to(1.0), replace(program, q=-program.q)
+        wider, carried = _wider(program), Carried(-np.inf)
+        trials = [(with_unit_factor, 0.0), *[(least, 0.0)] * grows, (with_unit_factor, wider), (program, wider)]
+        for each, room in trials:
             with suppress(SolveError):  # earlier answers stay valid
-                answer = each.solve()
+                answer = each.solve(room=room)
                 if not isinstance(answer, str):
                     carried = self._held(program, *each.repaired(answer.x, share))
-                if np.isfinite(carried.factor) and each in (with_unit_factor, least) and (grows or program.falls):
+                if np.isfinite(carried.factor) and not room and (grows or program.falls):
                     return Carried(np.inf)
             if np.isfinite(carried.factor):
                 break
@@ -458,10 +479,13 @@ class StressProgram:
         if most.factor <= first.factor:
             return first
         trials = [np.full(len(undecided), PRESSURE)]
-        for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
-            normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
-            trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
+        trials += [self._likely_signs(each.tractions) for each in (first, most) if each.tractions is not None]
         return max([first, *map(solve, np.unique(trials, axis=0))], key=lambda each: each.factor)
+
+    def _likely_signs(self, tractions: FloatArray) -> IntArray:
+        """The signs of the mean σ_N on contact edges (e,); pressure where it is 0."""
+        normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
+        return np.where(normal > HELD * np.abs(normal).max(initial=0.0), TENSION, PRESSURE)
 
     def _by_simplex(self, signs: IntArray) -> Carried:
         H, limit = whole_edge_rows(self.low, signs)
