@@ -27,8 +27,7 @@ _TOLERANCE: Final = 1e-9  # of the solver, for feasibility and duality gap
 _COARSER: Final = 1e-7  # duality gap of the solver in large programs; bounds are computed from x in any case
 _LARGE: Final = 4000  # blocks of a large program
 REGULAR: Final = (1e-12, 1e-11, 1e-10)  # regularisations of the solver, tried in turn: larger ones lose thin triangles
-_USUAL: Final = 1e-8  # the solver's default regularisation; without it, undetermined stresses of rigid parts stop it
-_STRONGER: Final = 1e-6  # regularisation for dependent equations, if the solver breaks down with its default
+_USUAL: Final = 1e-8  # the last regularisation: others lose dependent equations and undetermined stresses
 _REFINED: Final = 30  # largest number of the solver's steps of iterative refinement
 _ROUNDED: Final = 1e-14  # of the norm of the largest column: columns below are rounding
 _DAMPED: Final = 1e-14  # relative damping of normal equations whose rows may be dependent
@@ -44,7 +43,7 @@ _TIP: Final = 1e-5  # of the size: a cone with a smaller t is at its tip
 _LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
 _NEAR: Final = 1e-3  # largest margin asked for in each row: more in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times the violation of an answer: room asked for in a second program
-APART: Final = 1e3  # ratio to the least strength up to which strengths are weighted alike
+APART: Final = 1e2  # ratio to the least strength up to which strengths are weighted alike
 _GAIN: Final = 1e-9  # of the sum of |q_i x_i|: a smaller fall of q·x is rounding
 _MISSED: Final = 0.1  # of the fall of q·x: largest share that may come from violated rows
 _ENDLESS: Final = 1e50  # largest point: a larger one is a direction, and its square might overflow
@@ -59,7 +58,7 @@ Rows: TypeAlias = tuple[Any, FloatArray]
 
 
 def beside(strengths: FloatArray, least: float, share: float = 1.0) -> FloatArray:
-    """`share` times strength over the least strength of a body where that ratio exceeds 1e3; else 1."""
+    """`share` times strength over the least strength of a body where that ratio exceeds 1e2; else 1."""
     ratio = strengths / least
     return np.where(ratio > APART, share * ratio, 1.0)
 
@@ -127,14 +126,11 @@ class ConicProgram:
         settings.verbose, settings.max_threads = False, 1
         gap = _COARSER if blocks > _LARGE else _TOLERANCE
         settings.tol_gap_abs, settings.tol_gap_rel, settings.tol_feas = gap, gap, _TOLERANCE
-        settings.iterative_refinement_max_iter = _REFINED
+        settings.iterative_refinement_max_iter, settings.static_regularization_proportional = _REFINED, 0.0
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), b / unit, cones
         failed: list[Any] = []
-        usual = self.dependent and _STRONGER not in regular
-        for regularisation in (None, _STRONGER) if usual else (*regular, _USUAL):  # a regularisation may fail
-            if regularisation is not None:
-                settings.static_regularization_constant = regularisation
-                settings.static_regularization_proportional = 0.0
+        for regularisation in (_USUAL,) if self.dependent else (*regular, _USUAL):  # one may fail
+            settings.static_regularization_constant = regularisation
             settings.time_limit = max(deadline.left, _LEAST_TIME)
             answer = clarabel.DefaultSolver(*data, settings).solve()
             if str(answer.status) not in ("NumericalError", "InsufficientProgress"):
@@ -174,16 +170,15 @@ class ConicProgram:
         heads of cones and slacks of inequalities have a sum of at most 1.
         """
         any_size = replace(self, b=np.zeros_like(self.b)).up_to(1.0)
-        if any_size._answer_falls(REGULAR):
+        if any_size._answer_falls():
             return True
-        limited = any_size._extended(self.q, -self.A[self._heads].sum(axis=0)[None], np.ones(1))
-        return limited._answer_falls((_STRONGER,) if self.dependent else REGULAR)
+        return any_size._extended(self.q, -self.A[self._heads].sum(axis=0)[None], np.ones(1))._answer_falls()
 
-    def _answer_falls(self, regular: Sequence[float]) -> bool:
+    def _answer_falls(self) -> bool:
         """Whether the program has an answer with q·x < 0, by more than rounding."""
         answer: Answer | str = INFEASIBLE
         with suppress(SolveError):
-            answer = self.solve(regular)
+            answer = self.solve()
         if isinstance(answer, str):
             return False
         x, violation = self.repaired(answer.x)

@@ -69,7 +69,7 @@ class LimitLoad(float):
     """This mesh carries no larger multiple: the dual bound of the multipliers found."""
     violation: float
     """Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions, on
-    parts stronger than 1e3 times the least strength relative to their own."""
+    parts stronger than 1e2 times the least strength relative to their own."""
     collapse: Collapse | None = None
     """The collapse of a body that yields; None if no part of it has a strength, or if a side is not finite."""
     in_time: bool = True

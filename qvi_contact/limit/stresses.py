@@ -223,7 +223,7 @@ class YieldCones:
         return cls(problem.mesh, degree, *of_rows, strong, least, max(strengths, default=0.0))
 
     def nearer(self) -> YieldCones:
-        """The cones with a at most 1e3 times the least strength; parts of the body without such a cone are rigid."""
+        """The cones with a at most 1e2 times the least strength; parts of the body without such a cone are rigid."""
         largest = APART * self.least
         is_kept = self.limit <= largest
         is_strong = self.strong | (np.bincount(self.cell[is_kept], minlength=len(self.strong)) == 0)
@@ -478,7 +478,7 @@ class StressProgram:
             most = solve(np.full(len(undecided), ROUGH))
         if most.factor <= first.factor:
             return first
-        trials = [np.full(len(undecided), PRESSURE)]
+        trials = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
         trials += [self._likely_signs(each.tractions) for each in (first, most) if each.tractions is not None]
         return max([first, *map(solve, np.unique(trials, axis=0))], key=lambda each: each.factor)
 

@@ -175,6 +175,13 @@ def test_a_rough_base_or_the_block_gives_way(mu, c):
     assert limit.collapse.gap.sum() >= limit.upper - limit.lower - 1e-6  # rigid blocks may be nearer
 
 
+def test_a_bilateral_base_has_friction_under_tension_too():
+    pulled = block(None, 0.3, -2.0)
+    held = Contact("bottom", 0.3, law="bilateral")
+    limit = limit_load_factor(replace(pulled, conditions=[held, *pulled.conditions[1:]]), ["shear"])
+    assert limit.lower == pytest.approx(0.6, rel=1e-6)
+
+
 @pytest.mark.parametrize("small", [1e-10, 1e9])
 def test_neither_side_minds_how_large_a_load_is_beside_the_others(small):
     """The same block with the shear stated in another size, which is then multiplied by as much more."""
@@ -302,7 +309,7 @@ def test_what_the_other_loads_break_carries_no_multiple():
     own, other = (Material(1.0, 0.3, "strain", law) for law in (MohrCoulomb(300.0, 0.3), Tresca(1.0)))
     held = [Contact("bottom", 0.0, cohesion=100.0, law="bilateral"), Contact("joint", 0.0)]
     mesh, part = mesh.with_region("part", lambda _, y: y > 1.0), [Region(other, name="part")]
-    for over in (3e-5, 6e-5):  # at 3e-5 the first bound from above, 100, is doubted
+    for over in (2e-6, 3e-5, 6e-5):  # at 3e-5 the first bound from above, 100, is doubted
         given = ("push", 1.0, 0.0), ("left", 0.0, 0.0), ("right", 0.0, 0.0), ("top", 0.0, -2.0 - over)
         pile = ContactProblem(mesh, own, [*held, *(Traction(*each) for each in given)], regions=part)
         limit = limit_load_factor(pile, ["push"], degree=3)
