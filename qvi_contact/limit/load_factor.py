@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -40,8 +39,6 @@ _FARTHEST: Final = math.log(1e4)  # larger factors of strength count as infinite
 _STEP: Final = math.log(2.0)  # between the factors of strength that are tried first
 _MOST: Final = 1e6  # load factors above this or below its inverse count as this or its inverse
 _LEAST: Final = 1e-15  # least logarithm of a load factor ≥ 1, so that a search never meets zero
-_FAR: Final = 1e5  # ratio of strengths from which very strong parts stay rigid, if the stresses from below are small
-_SPARED: Final = 3e1  # times the least strength: stresses below this are small
 _CLOSE: Final = 1e-6  # logarithm of the factor's width at which a search may end without the accuracy asked for
 
 
@@ -195,30 +192,24 @@ class LimitProblem:
     def flows(self) -> list[FlowProgram]:
         """Programs from above of a body that yields: the full one last, before it one with very strong parts rigid."""
         all_cones = YieldCones.of(self.problem, self.low.space.element.traction_degree, above=True)
-        loads = np.inf if all_cones.limit.all() else self.carried.load_size * self.low.scales.stress
+        loads = np.inf if all_cones.limit.all() else self.low.scales.stress
         near = replace(all_cones, least=min(all_cones.least, loads))  # a strength of 0 has no size, the loads have one
         cone_sets = [near.nearer(), all_cones] if all_cones.most > APART * near.least else [all_cones]
         return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in cone_sets]
 
     def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
-        """The flow with the least bound, and its program; the full one is solved only if very strong parts may help."""
-        *partial, full = self.flows
+        """The flow with the least bound, and its program."""
         doubted = self.carried.factor == -np.inf  # the mesh carries no multiple, so perhaps no stress does
         flows = list[tuple[Flow, FlowProgram]]()
-        for program in partial:
-            with suppress(SolveError):  # the full program raises if it fails too
-                flows.append((program.solved(known=True, doubted=doubted), program))
-        cones, stress = full.cones, self.carried.stress
-        is_spared = stress is not None and float(np.abs(stress).max()) * self.low.scales.stress < _SPARED * cones.least
-        is_spared &= cones.most > _FAR * cones.least
-        if any(flow.bound == -np.inf or (is_spared and flow.bound < np.inf) for flow, _ in flows):
-            return flows[0]
-        is_bounded = any(flow.bound < np.inf for flow, _ in flows)
-        try:
-            flows.append((full.solved(known=known or is_bounded, doubted=doubted), full))
-        except SolveError:
-            if not is_bounded:
-                raise
+        for program in self.flows:
+            is_full, is_bounded = program is self.flows[-1], any(flow.bound < np.inf for flow, _ in flows)
+            try:
+                flows.append((program.solved(known=known or is_bounded or not is_full, doubted=doubted), program))
+            except SolveError:
+                if is_full and not is_bounded:
+                    raise
+            if flows and flows[-1][0].bound == -np.inf:
+                break
         return min(flows, key=lambda each: each[0].bound)
 
     @cached_property
@@ -240,7 +231,7 @@ class LimitProblem:
         At the time limit the side that is not known is infinite; `SolveError` if neither is.
         """
         low, (of_blocks, mechanism) = self.low, self.of_blocks
-        is_straight, collapse = not self.problem.mesh.curved.any(), None
+        is_straight, collapse, flow, in_time = not self.problem.mesh.curved.any(), None, Flow(np.inf), True
         try:
             carried = self.carried
         except SolveError:
@@ -253,10 +244,9 @@ class LimitProblem:
         try:
             flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
         except SolveError:
-            if not deadline.over or carried.factor == -np.inf:
+            in_time = False
+            if not deadline.over or carried.factor == -np.inf == -of_blocks:
                 raise
-            lower = _checked(carried, of_blocks, is_straight)
-            return LimitLoad(lower, of_blocks, mechanism, of_blocks, carried.violation, in_time=False)
         upper = min(flow.bound, of_blocks)
         lower = _checked(carried, upper, is_straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
@@ -264,7 +254,7 @@ class LimitProblem:
             gaps, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
             collapse = Collapse(flow.motion, stress, gaps, is_straight and misfit <= _FOLLOWED)
         violation, by_blocks = max(carried.violation, flow.violation), of_blocks <= flow.bound
-        return LimitLoad(lower, upper, mechanism if by_blocks else None, upper, violation, collapse)
+        return LimitLoad(lower, upper, mechanism if by_blocks else None, upper, violation, collapse, in_time)
 
 
 @dataclass(frozen=True, eq=False)

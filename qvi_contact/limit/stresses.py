@@ -87,11 +87,6 @@ class Carried:
     stress: FloatArray | None = None
     farthest: float = 0.0  # factor at which the loads alone are as large as the rows, where bodies yield
 
-    @property
-    def load_size(self) -> float:
-        """Size of stresses that balance the loads; infinity if every multiple of the loads is carried."""
-        return 1.0 if self.factor == -np.inf else max(1.0, abs(self.factor))
-
 
 def _wider(program: ConicProgram) -> float:
     """The room by which limits become wider by nothing but rounding."""
@@ -339,7 +334,6 @@ class StressProgram:
 
     low: Discretization  # the problem at both factors, in the same units and degrees of freedom
     high: Discretization
-    most: float = np.inf  # rows are weighted as if the least strength were at most this, dimensionless
 
     @cached_property
     def cones(self) -> YieldCones:
@@ -352,21 +346,7 @@ class StressProgram:
         The stresses are those of the program whose limits are reduced by 1e-8, if it has an answer, so that rounding
         does not break limits. Where no body yields, the answer of the simplex method comes first.
         """
-        carried = self._with_signs(partial(self._within_limits, share=share))
-        least = min(self.cones.least, self.cones.most) / self.low.scales.stress
-        if APART * carried.load_size >= least or self.most < np.inf or self.cones.limit.all():
-            return carried
-        # cones with a = 0 have no size of their own: rows are weighted again, relative to the loads
-        weighted = replace(self, most=carried.load_size)
-        try:
-            return weighted.carried(share)
-        except SolveError:  # the first answer, if it is within these limits too
-            if carried.tractions is None or carried.unknowns is None:
-                raise
-            first = weighted._held(weighted.program(weighted._likely_signs(carried.tractions)), carried.unknowns, 0.0)
-            if first.factor == -np.inf:
-                raise
-            return replace(first, bound=carried.bound)
+        return self._with_signs(partial(self._within_limits, share=share))
 
     def _within_limits(self, signs: IntArray, share: float) -> Carried:
         """The answer for signs of bilateral pressure."""
@@ -479,13 +459,10 @@ class StressProgram:
         if most.factor <= first.factor:
             return first
         trials = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
-        trials += [self._likely_signs(each.tractions) for each in (first, most) if each.tractions is not None]
+        for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
+            normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
+            trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
         return max([first, *map(solve, np.unique(trials, axis=0))], key=lambda each: each.factor)
-
-    def _likely_signs(self, tractions: FloatArray) -> IntArray:
-        """The signs of the mean σ_N on contact edges (e,); pressure where it is 0."""
-        normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
-        return np.where(normal > HELD * np.abs(normal).max(initial=0.0), TENSION, PRESSURE)
 
     def _by_simplex(self, signs: IntArray) -> Carried:
         H, limit = whole_edge_rows(self.low, signs)
@@ -555,7 +532,8 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ trace, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)  # max α; strong cones and rows relative to their own strength
-        least = min(cones.least / self.low.scales.stress, self.most)
+        # cones with a = 0 have no size of their own: rows are weighted relative to the loads, too
+        least = min(cones.least / self.low.scales.stress, np.inf if cones.limit.all() else 1.0)
         edge_scale, cone_scale = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = edge_scale @ H @ N, np.asarray(edge_scale @ (limit - H @ n))
         parts = [(cone_scale @ matrix, np.asarray(cone_scale @ constant)) for matrix, constant in parts]
