@@ -44,7 +44,7 @@ _LITTLE: Final = 1e-5  # share of an inner point up to which no second program i
 _NEAR: Final = 1e-3  # largest margin asked for in each row: more in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times the violation of an answer: room asked for in a second program
 APART: Final = 1e2  # ratio to the least strength up to which strengths are weighted alike
-_GAIN: Final = 1e-9  # of the sum of |q_i x_i|: a smaller fall of q·x is rounding
+_GAIN: Final = 1e-9  # of the sum of |q_i x_i|, and of the fall 1 that is asked for: a smaller fall of q·x is rounding
 _MISSED: Final = 0.1  # of the fall of q·x: largest share that may come from violated rows
 _ENDLESS: Final = 1e50  # largest point: a larger one is a direction, and its square might overflow
 _NEVER: Final = 1e-300  # tolerance that turns the solver's test for "unbounded" off
@@ -186,7 +186,7 @@ class ConicProgram:
         # effect of the violation on q·x, by the multipliers; q stands in where limits of the fall hide a multiplier
         prices = np.append(self.q, answer.multipliers[self._heads])
         effect = violation * self.size(x) * float(np.abs(prices).sum())
-        return fall > _GAIN * magnitude and effect <= _MISSED * fall
+        return fall > _GAIN * max(1.0, magnitude) and effect <= _MISSED * fall
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None
@@ -338,13 +338,11 @@ class ConicProgram:
 
     def _inside(self) -> FloatArray | None:
         """A point as far inside all rows as possible; None if none is found."""
-        with suppress(SolveError):
-            if not self.dependent:  # flows far inside dissipate too much
-                x, room = self.room()
-                if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
-                    return x
-            return None if self._rooms is None else self._rooms[0]
-        return None
+        if not self.dependent:  # flows far inside dissipate too much
+            x, room = self.room()
+            if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
+                return x
+        return None if self._rooms is None else self._rooms[0]
 
     @cached_property
     def _rooms(self) -> tuple[FloatArray, FloatArray] | None:

@@ -19,7 +19,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import pairwise
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -42,8 +42,6 @@ from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
-
-_MUCH: Final = 1e-4  # relative increase of dissipation by `repaired` above which flows on faces are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,13 +217,11 @@ class FlowProgram:
             x[n + without_trace] -= (blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)) / cone_scale[without_trace]
             return x
 
-        # corrected; then, if that costs much or a cone has a = 0, flows on faces of cones, if they are better
+        # corrected; then, if a cone has a = 0, flows on faces of cones, if they are better
         start, first = raised(answer.x), answer
         x, violation = program.repaired(start, share)
         x = raised(x)
-        loss = float(full.q @ (x - start)) / (float(np.abs(full.q) @ np.abs(start)) or 1.0)
-        face_settings = FACES if not cones.limit.all() else FACES[: int(loss > _MUCH)]
-        for faces in () if share else face_settings:
+        for faces in () if share or cones.limit.all() else FACES:
             program, answer = full, first
             for _ in range(PASSES):
                 excess = -float(program.margins(raised(answer.x)).min(initial=0.0))

@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
-from itertools import islice
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -86,11 +85,6 @@ class Carried:
     # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), with the body potential φ
     stress: FloatArray | None = None
     farthest: float = 0.0  # factor at which the loads alone are as large as the rows, where bodies yield
-
-
-def _wider(program: ConicProgram) -> float:
-    """The room by which limits become wider by nothing but rounding."""
-    return -WIDER * program.size(0.0 * program.q)
 
 
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
@@ -354,23 +348,17 @@ class StressProgram:
         with suppress(SolveError):
             known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
         first = best = self._of_program(program, share, known)
-        resolutions = iter(FACES)
-        with suppress(SolveError):  # earlier answers stay valid
-            for faces in islice(resolutions, 2):  # first the finer resolution of room, if the answer is that accurate
-                best = self._on_faces(program, first, find, faces)
-                if best is not first:
-                    break
-        if first.violation <= ROUNDING:  # valid, although perhaps not the largest factor
-            best = max(first, best, key=lambda one: one.factor)
-        for faces in resolutions:
-            least_factor = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
-            if best is first or best.factor >= least_factor or deadline.over:
+        is_valid, least_factor = first.violation <= ROUNDING, first.factor - max(_DROP * abs(first.factor), CERTIFIED)
+        for number, faces in enumerate(FACES):  # first the finer resolutions of room, if the answer is that accurate
+            is_found = best is not first
+            is_enough = (is_valid or best.factor >= least_factor) if is_found else number > 1
+            if is_enough or deadline.over:
                 break
-            with suppress(SolveError):
-                next_best = self._on_faces(program, first, find, faces)
-                is_better = best.violation > ROUNDING or next_best.factor > best.factor
-                best = next_best if next_best.violation <= ROUNDING and is_better else best
-        return best
+            with suppress(SolveError):  # earlier answers stay valid
+                other = self._on_faces(program, first, find, faces)
+                is_better = best.violation > ROUNDING or other.factor > best.factor
+                best = other if not is_found or (other.violation <= ROUNDING and is_better) else best
+        return max(first, best, key=lambda one: one.factor) if is_valid else best
 
     def _on_faces(
         self, program: ConicProgram, found: Carried, find: Callable[[ConicProgram], Carried], faces: tuple[float, float]
@@ -389,16 +377,16 @@ class StressProgram:
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
         """The first answer within the limits up to rounding: the known point, or the solver's; else the best answer."""
-        best, last = Carried(-np.inf), REGULAR[::-1]
+        best, last, wider = Carried(-np.inf), REGULAR[::-1], -WIDER * program.size(0.0 * program.q)
         for tighter, regular in ((None, REGULAR), (_TIGHTER, REGULAR), (0.0, REGULAR), (0.0, last)):
             if np.isfinite(best.factor) and (regular is last or deadline.over):
                 break
             answer = known if tighter is None else program.solve(regular, share=tighter)
             if isinstance(answer, str) or answer is None:
                 if answer == UNBOUNDED:  # from a state within the limits; the load itself need not be within
-                    return self._without_room(program, share, grows=True)
+                    return self._without_room(program, share, wider, grows=True)
                 with suppress(SolveError):
-                    if answer == NO_ANSWER and tighter and program.solve(room=_wider(program)) == NO_ANSWER:
+                    if answer == NO_ANSWER and tighter and program.solve(room=wider) == NO_ANSWER:
                         return Carried(-np.inf, bound=-np.inf)
                 continue
             x = answer.x if isinstance(answer, Answer) else answer
@@ -407,7 +395,7 @@ class StressProgram:
             if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
                 return carried
             best = best if regular is last else max(best, carried, key=lambda one: one.factor)
-        return best if np.isfinite(best.factor) else self._without_room(program, share)
+        return best if np.isfinite(best.factor) else self._without_room(program, share, wider)
 
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
         """The load factor of an answer x with its stresses; minus infinity if x breaks limits by more than `HELD`."""
@@ -420,15 +408,15 @@ class StressProgram:
         farthest = program.size(x) / (float(np.abs(program.A[:, [-1]].toarray()).max(initial=0.0)) or 1.0)
         return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress, farthest=farthest)
 
-    def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
+    def _without_room(self, program: ConicProgram, share: float, wider: float, *, grows: bool = False) -> Carried:
         """The load itself, or infinity, where the solver gives up because stresses grow along the tips of cones.
 
         Growth may begin at the least multiple that is carried. The solver may find limits without room infeasible: only
         if wider limits have no answer either, no multiple is carried.
         """
         with_unit_factor, least = program.up_to(1.0), replace(program, q=-program.q)
-        wider, carried = _wider(program), Carried(-np.inf)
         trials = [(with_unit_factor, 0.0), *[(least, 0.0)] * grows, (with_unit_factor, wider), (program, wider)]
+        carried = Carried(-np.inf)
         for each, room in trials:
             with suppress(SolveError):  # earlier answers stay valid
                 answer = each.solve(room=room)
