@@ -104,13 +104,8 @@ class ConicProgram:
     def solve(self, regular: Sequence[float] = REGULAR, *, share: float = 0.0, room: float = 0.0) -> Answer | str:
         """The solver's answer; or "infeasible", or "unbounded", if the solver has a certificate of that.
 
-        The answer keeps positive limits reduced by a share, and all limits reduced by a room.
-
-        Raises
-        ------
-        SolveError
-            If there is no answer, or not in time.
-
+        The answer keeps positive limits reduced by a share, and all limits reduced by a room. `SolveError` if there is
+        none, or not in time.
         """
         clarabel = load("clarabel")
         blocks = len(self._heads) - self.linear

@@ -19,7 +19,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -42,6 +42,8 @@ from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
+
+_MUCH: Final = 1e-4  # relative increase of dissipation by `repaired` above which flows on faces are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,11 +219,12 @@ class FlowProgram:
             x[n + without_trace] -= (blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)) / cone_scale[without_trace]
             return x
 
-        # corrected; then, if a cone has a = 0, flows on faces of cones, if they are better
+        # corrected; then, if that costs much or a cone has a = 0, flows on faces of cones, if they are better
         start, first = raised(answer.x), answer
         x, violation = program.repaired(start, share)
         x = raised(x)
-        for faces in () if share or cones.limit.all() else FACES:
+        is_costly = float(full.q @ (x - start)) > _MUCH * float(np.abs(full.q) @ np.abs(start))
+        for faces in () if share else FACES[: int(is_costly)] if cones.limit.all() else FACES:
             program, answer = full, first
             for _ in range(PASSES):
                 excess = -float(program.margins(raised(answer.x)).min(initial=0.0))

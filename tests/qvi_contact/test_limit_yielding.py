@@ -543,12 +543,8 @@ def test_at_its_time_limit_safety_has_the_bounds_that_are_known(tmp_path, shell,
 def test_at_its_time_limit_a_limit_load_has_the_side_that_is_known(tmp_path, shell, monkeypatch):
     """By a clock that moves on with the program of a side."""
     clock, true = [0.0], pytest.importorskip("clarabel").DefaultSolver
-    over = SimpleNamespace(status="MaxTime", x=np.zeros(1), z=np.zeros(1), r_prim=1.0)
-
-    def solver(*data):
-        return SimpleNamespace(solve=lambda: over) if clock[0] > 5.0 else true(*data)
-
-    monkeypatch.setattr("clarabel.DefaultSolver", solver)
+    late = SimpleNamespace(solve=lambda: SimpleNamespace(status="MaxTime", x=np.zeros(1), z=np.zeros(1), r_prim=1.0))
+    monkeypatch.setattr("clarabel.DefaultSolver", lambda *data: late if clock[0] > 5.0 else true(*data))
     monkeypatch.setattr("solvers.basics.progress.time", SimpleNamespace(monotonic=lambda: clock[0]))
     save_problem(tmp_path / "torn.toml", stretched(Tresca(0.7)))
     for owner, name, factor in ((FlowProgram, "_program", 0.6), (StressProgram, "program", -np.inf)):
