@@ -311,7 +311,7 @@ def limit_sentence(limit: LimitLoad) -> str:
     """How much the mesh carries, and the body at most, in a sentence."""
     if limit.upper == -math.inf:
         return "no multiple can be carried"
-    if limit.upper == limit.lower == math.inf:
+    if limit.in_time and limit.upper == limit.lower == math.inf:
         return "no upper limit"
     if limit.collapse is not None and not limit.collapse.guaranteed:
         numbers = f"between about {_multiple(limit.lower)} and {_multiple(limit.upper)} these loads"
@@ -319,14 +319,18 @@ def limit_sentence(limit: LimitLoad) -> str:
             f"the body carries {numbers}; these are estimates, not bounds, because sides are arcs or the body force is "
             "not a polynomial on the mesh"
         )
-    mesh = "this mesh carries " + _multiple(limit.lower)
-    body = "no stress of the body carries more than " + _multiple(limit.upper)
-    return f"{mesh} these loads; {body if limit.upper < math.inf else 'the body has no upper limit'}"
+    mesh, body = f"this mesh carries {_multiple(limit.lower)} these loads", "the body has no upper limit"
+    if limit.upper < math.inf:
+        body = "no stress of the body carries more than " + _multiple(limit.upper)
+    if not limit.in_time and limit.lower == -math.inf:
+        return f"{body} these loads"
+    return mesh if not limit.in_time and limit.upper == math.inf else f"{mesh}; {body}"
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
     """The result of a limit analysis for JSON, where infinite factors are null: `outcome` tells them apart."""
-    outcome = "none" if limit.upper == -math.inf else "unbounded" if limit.upper == math.inf else "bounded"
+    outcome = "none" if limit.upper == -math.inf else "bounded"
+    outcome = "unbounded" if limit.upper == math.inf and limit.in_time else outcome
     are_bounds = limit.collapse is None or limit.collapse.guaranteed
     document: dict[str, Any] = {
         "outcome": outcome,

@@ -202,7 +202,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         proof_lines = [] if proof is None else _write_proof(proof, problem, loads, settings)
     lines, units, reasons = report.limit_lines(loads, limit_load, refinement), problem_file.units, {}
     remarks = _time_remark(problem_file)
-    if limit_load.upper == math.inf:
+    if not limit_load.in_time:
+        remarks.append("The time limit ended the search for the other bound: allow more time.")
+    elif limit_load.upper == math.inf:
         remarks.append(
             "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at "
             "any multiple: check a load by qvi-contact solve."
@@ -227,7 +229,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     complete = _write_files(targets, {"plot": plot, "vtk": vtk, "report": page}, reasons)
     document = {"loads": list(loads), **report.limit_document(limit_load, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*lines, *proof_lines]))
-    is_missed = refinement is not None and refinement.status != "reached"
+    is_missed = not limit_load.in_time or (refinement is not None and refinement.status != "reached")
     return 2 if not complete else 1 if is_missed or limit_load == -math.inf else 0
 
 

@@ -27,8 +27,7 @@ _TOLERANCE: Final = 1e-9  # of the solver, for feasibility and duality gap
 _COARSER: Final = 1e-7  # duality gap of the solver in large programs; bounds are computed from x in any case
 _LARGE: Final = 4000  # blocks of a large program
 REGULAR: Final = (1e-12, 1e-11, 1e-10)  # regularisations of the solver, tried in turn: larger ones lose thin triangles
-_USUAL: Final = 1e-8  # the solver's default regularisation; without it, undetermined stresses of rigid parts stop it
-_STRONGER: Final = 1e-6  # regularisation for dependent equations, if the solver breaks down with its default
+_USUAL: Final = 1e-8  # the last regularisation: others lose dependent equations and undetermined stresses
 _REFINED: Final = 30  # largest number of the solver's steps of iterative refinement
 _ROUNDED: Final = 1e-14  # of the norm of the largest column: columns below are rounding
 _DAMPED: Final = 1e-14  # relative damping of normal equations whose rows may be dependent
@@ -44,8 +43,8 @@ _TIP: Final = 1e-5  # of the size: a cone with a smaller t is at its tip
 _LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
 _NEAR: Final = 1e-3  # largest margin asked for in each row: more in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times the violation of an answer: room asked for in a second program
-APART: Final = 1e3  # ratio to the least strength up to which strengths are weighted alike
-_GAIN: Final = 1e-9  # of the sum of |q_i x_i|: a smaller fall of q·x is rounding
+APART: Final = 1e2  # ratio to the least strength up to which strengths are weighted alike
+_GAIN: Final = 1e-9  # of the sum of |q_i x_i|, and of the fall 1 that is asked for: a smaller fall of q·x is rounding
 _MISSED: Final = 0.1  # of the fall of q·x: largest share that may come from violated rows
 _ENDLESS: Final = 1e50  # largest point: a larger one is a direction, and its square might overflow
 _NEVER: Final = 1e-300  # tolerance that turns the solver's test for "unbounded" off
@@ -59,7 +58,7 @@ Rows: TypeAlias = tuple[Any, FloatArray]
 
 
 def beside(strengths: FloatArray, least: float, share: float = 1.0) -> FloatArray:
-    """`share` times strength over the least strength of a body where that ratio exceeds 1e3; else 1."""
+    """`share` times strength over the least strength of a body where that ratio exceeds 1e2; else 1."""
     ratio = strengths / least
     return np.where(ratio > APART, share * ratio, 1.0)
 
@@ -102,36 +101,31 @@ class ConicProgram:
         b = np.concatenate([equations[1], inequalities[1], g])
         return cls(q, A, b, len(equations[1]), len(inequalities[1]), d, dependent)
 
-    def solve(self, regular: Sequence[float] = REGULAR) -> Answer | str:
+    def solve(self, regular: Sequence[float] = REGULAR, *, share: float = 0.0, room: float = 0.0) -> Answer | str:
         """The solver's answer; or "infeasible", or "unbounded", if the solver has a certificate of that.
 
-        Raises
-        ------
-        SolveError
-            If there is no answer, or not in time.
-
+        The answer keeps positive limits reduced by a share, and all limits reduced by a room. `SolveError` if there is
+        none, or not in time.
         """
         clarabel = load("clarabel")
         blocks = len(self._heads) - self.linear
         cones = [clarabel.ZeroConeT(self.equal)] if self.equal else []
         cones += [clarabel.NonnegativeConeT(self.linear)] if self.linear else []
         cones += [clarabel.SecondOrderConeT(self.width)] * blocks
-        scale = self._scale
+        scale, b = self._scale, self.b.copy()
+        b[self._heads] -= share * np.maximum(b[self._heads], 0.0) + room
         A = sparse.csc_array(sparse.csc_array(self.A) @ sparse.diags_array(1.0 / scale))
-        q, unit = self.q / scale, float(np.abs(self.b).max(initial=0.0)) or 1.0
+        q, unit = self.q / scale, float(np.abs(b).max(initial=0.0)) or 1.0
         size = float(np.abs(q).max(initial=0.0)) or 1.0  # the solver's tolerances are for numbers near 1
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
         gap = _COARSER if blocks > _LARGE else _TOLERANCE
         settings.tol_gap_abs, settings.tol_gap_rel, settings.tol_feas = gap, gap, _TOLERANCE
-        settings.iterative_refinement_max_iter = _REFINED
-        data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, cones
+        settings.iterative_refinement_max_iter, settings.static_regularization_proportional = _REFINED, 0.0
+        data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), b / unit, cones
         failed: list[Any] = []
-        usual = self.dependent and _STRONGER not in regular
-        for regularisation in (None, _STRONGER) if usual else (*regular, _USUAL):  # a regularisation may fail
-            if regularisation is not None:
-                settings.static_regularization_constant = regularisation
-                settings.static_regularization_proportional = 0.0
+        for regularisation in (_USUAL,) if self.dependent else (*regular, _USUAL):  # one may fail
+            settings.static_regularization_constant = regularisation
             settings.time_limit = max(deadline.left, _LEAST_TIME)
             answer = clarabel.DefaultSolver(*data, settings).solve()
             if str(answer.status) not in ("NumericalError", "InsufficientProgress"):
@@ -161,7 +155,7 @@ class ConicProgram:
 
     def up_to(self, most: float) -> ConicProgram:
         """The program with −q·x ≤ `most` added."""
-        return self._extended(self.q, sparse.csr_array((len(self.b), 0)), -self.q[None], np.array([most]))
+        return self._extended(self.q, -self.q[None], np.array([most]))
 
     @cached_property
     def falls(self) -> bool:
@@ -171,22 +165,23 @@ class ConicProgram:
         heads of cones and slacks of inequalities have a sum of at most 1.
         """
         any_size = replace(self, b=np.zeros_like(self.b)).up_to(1.0)
-        none = sparse.csr_array((len(any_size.b), 0))
-        limited = any_size._extended(self.q, none, -self.A[self._heads].sum(axis=0)[None], np.ones(1))
-        for program, regular in ((any_size, REGULAR), (limited, (_STRONGER,) if self.dependent else REGULAR)):
-            answer: Answer | str = INFEASIBLE
-            with suppress(SolveError):
-                answer = program.solve(regular)
-            if isinstance(answer, str):
-                continue
-            x, violation = program.repaired(answer.x)
-            fall, magnitude = -float(self.q @ x), float(np.abs(self.q) @ np.abs(x))
-            # effect of the violation on q·x, by the multipliers; q stands in where limits of the fall hide a multiplier
-            prices = np.append(self.q, answer.multipliers[program._heads])
-            effect = violation * program.size(x) * float(np.abs(prices).sum())
-            if fall > _GAIN * magnitude and effect <= _MISSED * fall:
-                return True
-        return False
+        if any_size._answer_falls():
+            return True
+        return any_size._extended(self.q, -self.A[self._heads].sum(axis=0)[None], np.ones(1))._answer_falls()
+
+    def _answer_falls(self) -> bool:
+        """Whether the program has an answer with q·x < 0, by more than rounding."""
+        answer: Answer | str = INFEASIBLE
+        with suppress(SolveError):
+            answer = self.solve()
+        if isinstance(answer, str):
+            return False
+        x, violation = self.repaired(answer.x)
+        fall, magnitude = -float(self.q @ x), float(np.abs(self.q) @ np.abs(x))
+        # effect of the violation on q·x, by the multipliers; q stands in where limits of the fall hide a multiplier
+        prices = np.append(self.q, answer.multipliers[self._heads])
+        effect = violation * self.size(x) * float(np.abs(prices).sum())
+        return fall > _GAIN * max(1.0, magnitude) and effect <= _MISSED * fall
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None
@@ -231,9 +226,9 @@ class ConicProgram:
         program = replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(used.sum()))
         return self._narrower.setdefault((kept.tobytes(), unit[ray].tobytes()), program)  # equal programs: one object
 
-    def _extended(self, q: FloatArray, columns: sparse.csr_array, rows: Any, limits: FloatArray) -> ConicProgram:
+    def _extended(self, q: FloatArray, rows: Any, limits: FloatArray, *columns: sparse.csr_array) -> ConicProgram:
         """The program with more columns, then with more inequalities."""
-        k, A = self.equal + self.linear, sparse.csr_array(sparse.hstack([self.A, columns]))
+        k, A = self.equal + self.linear, sparse.csr_array(sparse.hstack([self.A, *columns]))
         A = sparse.csr_array(sparse.vstack([A[:k], sparse.csr_array(rows), A[k:]]))
         return replace(self, q=q, A=A, b=np.insert(self.b, k, limits), linear=self.linear + len(limits))
 
@@ -310,9 +305,10 @@ class ConicProgram:
         violation = violation_of(x)
         if self.dependent and violation > ROUNDING and not (is_inside and self._share(x, inside) < _LITTLE):
             # solved again with room for the violation: inner flows may dissipate much more
-            answer = self.tightened(room=_TIGHTER * violation * size).solve()
-            x = min([x] if isinstance(answer, str) else [x, self.projected(answer.x)], key=worse)
-            violation = violation_of(x)
+            with suppress(SolveError):  # the first point stays
+                answer = self.solve(room=_TIGHTER * violation * size)
+                x = min([x] if isinstance(answer, str) else [x, self.projected(answer.x)], key=worse)
+                violation = violation_of(x)
         if least or violation > ROUNDING:
             point = inside if is_inside else self._inside()
             if point is not None:
@@ -359,13 +355,4 @@ class ConicProgram:
         bounds = sparse.vstack([own_rows, -own_rows]) if each else own_rows
         limits = np.concatenate([np.full(count, _NEAR if each else 1.0), np.zeros(count if each else 0)])
         small = (_SMALL if each else 0.0) * np.asarray(self.A[heads[self.linear :]].sum(axis=0)).ravel() / count
-        return self._extended(np.concatenate([-small, -np.ones(count) / count]), columns, bounds, limits)
-
-    def tightened(self, share: float = 0.0, room: float = 0.0) -> ConicProgram:
-        """The program with positive limits reduced by a share, and all limits by a room."""
-        b = self.b.copy()
-        b[self._heads] -= share * np.maximum(b[self._heads], 0.0) + room
-        program = replace(self, b=b)
-        if "falls" in vars(self):  # it does not depend on b, and takes as long as several solves
-            vars(program)["falls"] = self.falls
-        return program
+        return self._extended(np.concatenate([-small, -np.ones(count) / count]), bounds, limits, columns)

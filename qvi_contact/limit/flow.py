@@ -15,6 +15,7 @@ In `docs/theory.md`: (D37), (D38).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import pairwise
@@ -222,14 +223,15 @@ class FlowProgram:
         start, first = raised(answer.x), answer
         x, violation = program.repaired(start, share)
         x = raised(x)
-        loss = float(full.q @ (x - start)) / (float(np.abs(full.q) @ np.abs(start)) or 1.0)
-        face_settings = FACES if not cones.limit.all() else FACES[: int(loss > _MUCH)]
-        for faces in () if share else face_settings:
+        is_costly = float(full.q @ (x - start)) > _MUCH * float(np.abs(full.q) @ np.abs(start))
+        for faces in () if share else FACES[: int(is_costly)] if cones.limit.all() else FACES:
             program, answer = full, first
             for _ in range(PASSES):
                 excess = -float(program.margins(raised(answer.x)).min(initial=0.0))
                 narrower = program.on_faces(cones.rays, *faces) if excess > ROUNDING and not deadline.over else None
-                answer = solve(narrower) if narrower else INFEASIBLE
+                answer = INFEASIBLE
+                with suppress(SolveError):  # the flow found so far stays
+                    answer = solve(narrower) if narrower else INFEASIBLE
                 if answer == UNBOUNDED:  # flows on faces keep the cones
                     return Flow(-np.inf)
                 if narrower is None or isinstance(answer, str):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -40,8 +39,6 @@ _FARTHEST: Final = math.log(1e4)  # larger factors of strength count as infinite
 _STEP: Final = math.log(2.0)  # between the factors of strength that are tried first
 _MOST: Final = 1e6  # load factors above this or below its inverse count as this or its inverse
 _LEAST: Final = 1e-15  # least logarithm of a load factor ≥ 1, so that a search never meets zero
-_FAR: Final = 1e5  # ratio of strengths from which very strong parts stay rigid, if the stresses from below are small
-_SPARED: Final = 3e1  # times the least strength: stresses below this are small
 _CLOSE: Final = 1e-6  # logarithm of the factor's width at which a search may end without the accuracy asked for
 
 
@@ -69,9 +66,11 @@ class LimitLoad(float):
     """This mesh carries no larger multiple: the dual bound of the multipliers found."""
     violation: float
     """Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions, on
-    parts stronger than 1e3 times the least strength relative to their own."""
+    parts stronger than 1e2 times the least strength relative to their own."""
     collapse: Collapse | None = None
     """The collapse of a body that yields; None if no part of it has a strength, or if a side is not finite."""
+    in_time: bool = True
+    """Whether both sides ended within the time limit. If not, the one that did not is infinite, the other one holds."""
 
     def __new__(cls, lower: float, *_: object, **__: object) -> LimitLoad:
         """The number `lower`, to which the fields are added."""
@@ -148,7 +147,7 @@ def limit_load_factor(
     InputError
         If a name is unknown, or the loads are out of balance.
     SolveError
-        If a program is not solved, or not in time; the linear program of the mesh to a relative accuracy of 1e-7.
+        If a program is not solved, the linear program of the mesh to a relative accuracy of 1e-7, or no side in time.
 
     """
     refuse_arguments(retired, (*OPTIONS, "verbose"))
@@ -156,8 +155,7 @@ def limit_load_factor(
         analysis = LimitProblem.of(problem, checked_loads(problem, loads), degree)
         log.begin({"loads": ", ".join(analysis.names), "unknowns": analysis.low.qvi.n})
         limit = analysis.limit
-        gap = limit.bound - analysis.carried.factor
-        is_bounded = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
+        is_bounded = problem.yields or limit.bound - limit.lower <= CERTIFIED * (1.0 + abs(limit))
         if np.isfinite(limit.lower) and not (is_bounded and limit.violation <= CERTIFIED):
             raise SolveError(
                 f"limit load: factor {limit.lower:.9g} and bound {limit.bound:.9g} do not agree (violation "
@@ -194,26 +192,25 @@ class LimitProblem:
     def flows(self) -> list[FlowProgram]:
         """Programs from above of a body that yields: the full one last, before it one with very strong parts rigid."""
         all_cones = YieldCones.of(self.problem, self.low.space.element.traction_degree, above=True)
-        loads = np.inf if all_cones.limit.all() else self.carried.load_size * self.low.scales.stress
+        loads = np.inf if all_cones.limit.all() else self.low.scales.stress
         near = replace(all_cones, least=min(all_cones.least, loads))  # a strength of 0 has no size, the loads have one
         cone_sets = [near.nearer(), all_cones] if all_cones.most > APART * near.least else [all_cones]
         return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in cone_sets]
 
     def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
-        """The flow with the least bound, and its program; the full one is solved only if very strong parts may help."""
-        *partial, full = self.flows
+        """The flow with the least bound, and its program."""
         doubted = self.carried.factor == -np.inf  # the mesh carries no multiple, so perhaps no stress does
         flows = list[tuple[Flow, FlowProgram]]()
-        for program in partial:
-            with suppress(SolveError):  # the full program raises if it fails too
-                flows.append((program.solved(known=True, doubted=doubted), program))
-        cones, stress = full.cones, self.carried.stress
-        is_spared = stress is not None and float(np.abs(stress).max()) * self.low.scales.stress < _SPARED * cones.least
-        is_spared &= cones.most > _FAR * cones.least
-        if any(flow.bound == -np.inf or (is_spared and flow.bound < np.inf) for flow, _ in flows):
-            return flows[0]
-        known |= any(flow.bound < np.inf for flow, _ in flows)
-        return min([*flows, (full.solved(known=known, doubted=doubted), full)], key=lambda each: each[0].bound)
+        for program in self.flows:
+            is_full, is_bounded = program is self.flows[-1], any(flow.bound < np.inf for flow, _ in flows)
+            try:
+                flows.append((program.solved(known=known or is_bounded or not is_full, doubted=doubted), program))
+            except SolveError:
+                if is_full and not is_bounded:
+                    raise
+            if flows and flows[-1][0].bound == -np.inf:
+                break
+        return min(flows, key=lambda each: each[0].bound)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
@@ -229,13 +226,27 @@ class LimitProblem:
 
     @cached_property
     def limit(self) -> LimitLoad:
-        """Both sides. The upper side of a body that yields is the smaller bound of flow and of rigid blocks."""
-        carried, low, (of_blocks, mechanism) = self.carried, self.low, self.of_blocks
-        is_straight, collapse = not self.problem.mesh.curved.any(), None
+        """Both sides. The upper side of a body that yields is the smaller bound of flow and of rigid blocks.
+
+        At the time limit the side that is not known is infinite; `SolveError` if neither is.
+        """
+        low, (of_blocks, mechanism) = self.low, self.of_blocks
+        is_straight, collapse, flow, in_time = not self.problem.mesh.curved.any(), None, Flow(np.inf), True
+        try:
+            carried = self.carried
+        except SolveError:
+            if not deadline.over or of_blocks == np.inf:
+                raise
+            return LimitLoad(-np.inf, of_blocks, mechanism, of_blocks, 0.0, in_time=False)
         if of_blocks == -np.inf or not self.problem.yields:
             lower = _checked(carried, of_blocks, is_straight)
             return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
-        flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
+        try:
+            flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
+        except SolveError:
+            in_time = False
+            if not deadline.over or carried.factor == -np.inf == -of_blocks:
+                raise
         upper = min(flow.bound, of_blocks)
         lower = _checked(carried, upper, is_straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
@@ -243,7 +254,7 @@ class LimitProblem:
             gaps, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
             collapse = Collapse(flow.motion, stress, gaps, is_straight and misfit <= _FOLLOWED)
         violation, by_blocks = max(carried.violation, flow.violation), of_blocks <= flow.bound
-        return LimitLoad(lower, upper, mechanism if by_blocks else None, upper, violation, collapse)
+        return LimitLoad(lower, upper, mechanism if by_blocks else None, upper, violation, collapse, in_time)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
-from itertools import islice
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -29,6 +28,7 @@ from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.conic import APART, FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
+from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -85,11 +85,6 @@ class Carried:
     # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), with the body potential φ
     stress: FloatArray | None = None
     farthest: float = 0.0  # factor at which the loads alone are as large as the rows, where bodies yield
-
-    @property
-    def load_size(self) -> float:
-        """Size of stresses that balance the loads; infinity if every multiple of the loads is carried."""
-        return 1.0 if self.factor == -np.inf else max(1.0, abs(self.factor))
 
 
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
@@ -217,7 +212,7 @@ class YieldCones:
         return cls(problem.mesh, degree, *of_rows, strong, least, max(strengths, default=0.0))
 
     def nearer(self) -> YieldCones:
-        """The cones with a at most 1e3 times the least strength; parts of the body without such a cone are rigid."""
+        """The cones with a at most 1e2 times the least strength; parts of the body without such a cone are rigid."""
         largest = APART * self.least
         is_kept = self.limit <= largest
         is_strong = self.strong | (np.bincount(self.cell[is_kept], minlength=len(self.strong)) == 0)
@@ -333,7 +328,6 @@ class StressProgram:
 
     low: Discretization  # the problem at both factors, in the same units and degrees of freedom
     high: Discretization
-    most: float = np.inf  # rows are weighted as if the least strength were at most this, dimensionless
 
     @cached_property
     def cones(self) -> YieldCones:
@@ -346,34 +340,25 @@ class StressProgram:
         The stresses are those of the program whose limits are reduced by 1e-8, if it has an answer, so that rounding
         does not break limits. Where no body yields, the answer of the simplex method comes first.
         """
+        return self._with_signs(partial(self._within_limits, share=share))
 
-        def solve(signs: IntArray) -> Carried:
-            program, known, find = self.program(signs), None, cache(partial(self._of_program, share=share))
-            with suppress(SolveError):
-                known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
-            first = best = self._of_program(program, share, known)
-            resolutions = iter(FACES)
-            for faces in islice(resolutions, 2):  # first the finer resolution of room, if the answer is that accurate
-                best = self._on_faces(program, first, find, faces)
-                if best is not first:
-                    break
-            if first.violation <= ROUNDING:  # valid, although perhaps not the largest factor
-                best = max(first, best, key=lambda one: one.factor)
-            for faces in resolutions:
-                least_factor = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
-                if best is first or best.factor >= least_factor or deadline.over:
-                    break
-                with suppress(SolveError):  # earlier answers stay valid
-                    next_best = self._on_faces(program, first, find, faces)
-                    is_better = best.violation > ROUNDING or next_best.factor > best.factor
-                    best = next_best if next_best.violation <= ROUNDING and is_better else best
-            return best
-
-        carried, least = self._with_signs(solve), self.cones.least / self.low.scales.stress
-        if APART * carried.load_size >= least or self.most < np.inf or self.cones.limit.all():
-            return carried
-        # cones with a = 0 have no size of their own: rows are weighted again, relative to the loads
-        return replace(self, most=carried.load_size).carried(share)
+    def _within_limits(self, signs: IntArray, share: float) -> Carried:
+        """The answer for signs of bilateral pressure."""
+        program, known, find = self.program(signs), None, cache(partial(self._of_program, share=share))
+        with suppress(SolveError):
+            known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
+        first = best = self._of_program(program, share, known)
+        is_valid, least_factor = first.violation <= ROUNDING, first.factor - max(_DROP * abs(first.factor), CERTIFIED)
+        for number, faces in enumerate(FACES):  # first the finer resolutions of room, if the answer is that accurate
+            is_found = best is not first
+            is_enough = (is_valid or best.factor >= least_factor) if is_found else number > 1
+            if is_enough or deadline.over:
+                break
+            with suppress(SolveError):  # earlier answers stay valid
+                other = self._on_faces(program, first, find, faces)
+                is_better = best.violation > ROUNDING or other.factor > best.factor
+                best = other if not is_found or (other.violation <= ROUNDING and is_better) else best
+        return max(first, best, key=lambda one: one.factor) if is_valid else best
 
     def _on_faces(
         self, program: ConicProgram, found: Carried, find: Callable[[ConicProgram], Carried], faces: tuple[float, float]
@@ -383,7 +368,7 @@ class StressProgram:
             is_doubtful = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
             if is_doubtful and found.violation <= ROUNDING and np.isfinite(found.factor) and program.falls:
                 return Carried(np.inf)
-            is_unsure = found.violation > ROUNDING or found.factor == -np.inf or is_doubtful
+            is_unsure = found.violation > ROUNDING or found.factor == -np.inf < found.bound or is_doubtful
             narrower = program.on_faces(self.cones.rays, *faces, found.unknowns) if is_unsure else None
             if narrower is None:
                 break
@@ -392,14 +377,17 @@ class StressProgram:
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
         """The first answer within the limits up to rounding: the known point, or the solver's; else the best answer."""
-        best, tighter, last = Carried(-np.inf), program.tightened(_TIGHTER), REGULAR[::-1]
-        for each, regular in ((None, REGULAR), (tighter, REGULAR), (program, REGULAR), (program, last)):
-            if regular is last and np.isfinite(best.factor):
+        best, last, wider = Carried(-np.inf), REGULAR[::-1], -WIDER * program.size(0.0 * program.q)
+        for tighter, regular in ((None, REGULAR), (_TIGHTER, REGULAR), (0.0, REGULAR), (0.0, last)):
+            if np.isfinite(best.factor) and (regular is last or deadline.over):
                 break
-            answer = each.solve(regular) if each else known
+            answer = known if tighter is None else program.solve(regular, share=tighter)
             if isinstance(answer, str) or answer is None:
                 if answer == UNBOUNDED:  # from a state within the limits; the load itself need not be within
-                    return self._without_room(program, share, grows=True)
+                    return self._without_room(program, share, wider, grows=True)
+                with suppress(SolveError):
+                    if answer == NO_ANSWER and tighter and program.solve(room=wider) == NO_ANSWER:
+                        return Carried(-np.inf, bound=-np.inf)
                 continue
             x = answer.x if isinstance(answer, Answer) else answer
             carried = self._held(program, *program.repaired(x, share))
@@ -407,7 +395,7 @@ class StressProgram:
             if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
                 return carried
             best = best if regular is last else max(best, carried, key=lambda one: one.factor)
-        return best if np.isfinite(best.factor) else self._without_room(program, share)
+        return best if np.isfinite(best.factor) else self._without_room(program, share, wider)
 
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
         """The load factor of an answer x with its stresses; minus infinity if x breaks limits by more than `HELD`."""
@@ -420,20 +408,21 @@ class StressProgram:
         farthest = program.size(x) / (float(np.abs(program.A[:, [-1]].toarray()).max(initial=0.0)) or 1.0)
         return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress, farthest=farthest)
 
-    def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
+    def _without_room(self, program: ConicProgram, share: float, wider: float, *, grows: bool = False) -> Carried:
         """The load itself, or infinity, where the solver gives up because stresses grow along the tips of cones.
 
         Growth may begin at the least multiple that is carried. The solver may find limits without room infeasible: only
         if wider limits have no answer either, no multiple is carried.
         """
-        with_unit_factor, wider = program.up_to(1.0), program.tightened(room=-WIDER * program.size(0.0 * program.q))
-        least, carried = replace(program, q=-program.q), Carried(-np.inf)
-        for each in (with_unit_factor, *[least] * grows, wider.up_to(1.0), wider):
+        with_unit_factor, least = program.up_to(1.0), replace(program, q=-program.q)
+        trials = [(with_unit_factor, 0.0), *[(least, 0.0)] * grows, (with_unit_factor, wider), (program, wider)]
+        carried = Carried(-np.inf)
+        for each, room in trials:
             with suppress(SolveError):  # earlier answers stay valid
-                answer = each.solve()
+                answer = each.solve(room=room)
                 if not isinstance(answer, str):
                     carried = self._held(program, *each.repaired(answer.x, share))
-                if np.isfinite(carried.factor) and each in (with_unit_factor, least) and (grows or program.falls):
+                if np.isfinite(carried.factor) and not room and (grows or program.falls):
                     return Carried(np.inf)
             if np.isfinite(carried.factor):
                 break
@@ -457,7 +446,7 @@ class StressProgram:
             most = solve(np.full(len(undecided), ROUGH))
         if most.factor <= first.factor:
             return first
-        trials = [np.full(len(undecided), PRESSURE)]
+        trials = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
             normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
             trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
@@ -531,7 +520,8 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ trace, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)  # max α; strong cones and rows relative to their own strength
-        least = min(cones.least / self.low.scales.stress, self.most)
+        # cones with a = 0 have no size of their own: rows are weighted relative to the loads, too
+        least = min(cones.least / self.low.scales.stress, np.inf if cones.limit.all() else 1.0)
         edge_scale, cone_scale = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = edge_scale @ H @ N, np.asarray(edge_scale @ (limit - H @ n))
         parts = [(cone_scale @ matrix, np.asarray(cone_scale @ constant)) for matrix, constant in parts]

@@ -227,7 +227,7 @@ class Rigid:
             return proof.driving - proof.resisting > rounding
 
         motion = self._settled(optimum, names)
-        if (motion is None or not proves(motion)) and not idle and any(e.capped and not e.arc for e in self.lines):
+        if (motion is None or not proves(motion)) and not idle and any(line.capped for line in self.lines):
             # Places on lines with a cap are added around a motion. If none is found without them, this is a first one.
             motion = self.dearest(names, [])
         if motion is None or not proves(motion):

@@ -214,7 +214,7 @@ def _motion_figure(
             style.draw_outline(axes, mesh)
         else:
             ends.append(draw_mechanism(axes, mesh, motion))
-            words = "How the body moves beyond that, magnified; dashed: where it is."
+            words = "Motion in which the body fails, magnified; dashed: the body at rest."
             words += " Orange: where it yields." * isinstance(motion, Collapse)
         ends += draw_symbols(axes, problem, obstacles=True)
         axes.set_title(words, fontsize="small", loc="left")

@@ -9,9 +9,9 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from qvi_contact import TriangleMesh, limit_load_factor, solve
-from qvi_contact.gallery import jointed_slope, loaded_pin
+from qvi_contact.gallery import jointed_slope
 from qvi_contact.limit import multiplied
-from qvi_contact.mechanism import Rigid, find_mechanism, mechanism, upper_bound
+from qvi_contact.mechanism import find_mechanism, upper_bound
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
 from tests.cases import examples
@@ -258,13 +258,6 @@ def test_what_is_beyond_the_limit_is_not_solved():
         assert share > 1.0 or result.contacts["bottom"].excess_between_points > 0.01
 
 
-def test_bodies_that_nothing_holds_keep_motions_of_their_own():
-    """Supports hold the rock below a slope; each block above has its three numbers."""
-    rigid = Rigid(jointed_slope(3, 1))
-    assert rigid.free.shape[1] == 3 * (len(rigid.bodies) - 1)
-    assert sorted(np.count_nonzero(rigid.free, axis=0)) == [1] * rigid.free.shape[1]
-
-
 @pytest.mark.parametrize("beyond", [1e-2, 1e-6, 1e-8, 0.0, -1e-2])
 def test_the_friction_that_locks(beyond):
     """Pushed at 45° a block of weight 1 slides where α > μ (1 + α), however close to 1 its friction is."""
@@ -285,18 +278,6 @@ def test_just_too_little_friction_carries_no_multiple():
     limit = limit_load_factor(jointed_slope(2, 1, friction=math.tan(math.radians(30.0)) * (1.0 - 1e-6)), ["water"])
     assert (limit.lower, limit.bound, limit.upper) == (-math.inf,) * 3
     assert limit.mechanism.work > 0.0
-
-
-def test_caps_on_arcs_take_one_program(monkeypatch):
-    """Their pieces are not divided where the cap sets in, so a second program would be the same."""
-    problem, asked = loaded_pin(4, friction=0.2), []
-    conditions = [replace(c, shear_limit=0.5) if isinstance(c, Contact) else c for c in problem.conditions]
-    solved = mechanism.solved
-    monkeypatch.setattr(mechanism, "solved", lambda *given, **more: asked.append(given) or solved(*given, **more))
-    rigid = Rigid(replace(problem, conditions=conditions))
-    assert {line.arc for line in rigid.lines if line.capped} == {True}
-    rigid.proving(list(rigid.works))
-    assert len(asked) == 1
 
 
 @pytest.mark.parametrize("angle", [0.3, 0.7, 1.234])
