@@ -309,9 +309,8 @@ class TestForged:
         entries = dict(Archive(tmp_path / "a.npz").arrays)
         assert len(entries["centres"]) == 2
         assert fails(tmp_path / "a.npz") == set()
-        none, old = ({k: v for k, v in entries.items() if k != name} for name in ("centres", "led_back"))
-        for wrong in (entries | {"centres": entries["centres"][:1]}, none, old):
-            assert "refers to another basis" in fails(stored(tmp_path / "b.npz", wrong))
+        for wrong in ({"centres": entries["centres"][:1]}, {"led_back": entries["led_back"][1:]}):
+            assert "refers to another basis" in fails(stored(tmp_path / "b.npz", entries | wrong))
 
     @settings(max_examples=10, deadline=None, derandomize=True)
     @given(
