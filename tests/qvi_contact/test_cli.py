@@ -72,6 +72,22 @@ def test_help_imports_nothing_but_click(module):
     assert loaded - {"colorama"} <= {"click", *OWN}  # colorama: on Windows
 
 
+INTERRUPTED = """
+import runpy, signal, sys
+class AtClick:
+    def find_spec(self, name, *_):
+        if name == "click":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, AtClick())
+runpy.run_module("qvi_contact", run_name="__main__")
+"""
+
+
+def test_an_interrupt_while_the_command_is_loaded_leaves_no_traceback():
+    done = ran("-c", INTERRUPTED)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
 def test_a_solve_imports_of_scipy_what_it_needs():
     """Arrays and their factorisations: other parts would take a third of the time of a small solve."""
     loaded = loaded_by("qvi_contact.command.cli", "solve", ROOT / "examples" / "wedge.toml")
