@@ -530,7 +530,9 @@ def _write_all(
         if file.times and series.results.steps[0].has_state and result.problem.contacts:
             plots.save_figure(path, plots.history_figure(series.results, units, file.times, file.title))
         else:
-            plots.save_figure(path, plots.result_figure(result, units, file.title, page_arguments.get("panels")))
+            where = "" if series is None else f"{series.label} = {series.values[len(series.results.steps) - 1]:g}"
+            title = ", ".join(filter(None, (file.title, where)))
+            plots.save_figure(path, plots.result_figure(result, units, title, page_arguments.get("panels")))
 
     def page(path: str) -> None:
         from qvi_contact.command.page import result_page

@@ -312,7 +312,7 @@ def history_figure(
         low, high = picture.box + np.array([[-1.0], [1.0]]) * _ROOM * float(np.ptp(picture.box, axis=0).max())
         body.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), anchor="N")
         label = f"step {last_number}" if abscissa is None else f"t = {abscissa[last_number - 1]:g}"
-        body.set_title(f"{label}; displacements × {picture.factor:g}", fontsize="medium")
+        body.set_title(f"{label}; displacements × {beside([picture.factor])[0]}", fontsize="medium")
         for part, (draw, row, argument) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
             for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
                 axes.set_ylabel(f"force [{units.force}]")
@@ -378,7 +378,9 @@ def _draw_forces(axes: "Axes", name: str, forces: list[tuple[float, float]], tim
     axes.set_title(f"{name}: forces", fontsize="medium")
     axes.set_xlabel("step [-]" if times is None else "t")
     axes.locator_params(axis="x", integer=times is None)
-    axes.legend(frameon=False)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.2 * (high - low))  # with room for the legend
+    axes.legend(frameon=False, loc="upper center", ncols=2)
 
 
 def notebook_png(shown: TriangleMesh | ContactProblem) -> bytes | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
-from qvi_contact.mesh.edges import Edges, chains, frames_along, points_along
+from qvi_contact.mesh.edges import Edges, chains, cross, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
 from qvi_contact.problem.conditions import (
@@ -48,6 +48,7 @@ _CENTRED: Final[dict[str, Any]] = {"ha": "center", "va": "center"}
 _INDEX: Final = {"x": "_x", "y": "_y", "normal": "_N", "tangential": "_T"}  # indices of t, σ and u in the legend
 _WORTH_A_NAME: Final = 0.4  # sides of an edge set get a name if longer than this share of its longest side
 _NAMED: Final = 4  # largest number of sides of an edge set that get a name
+_LETTER, _LINE = 0.015, 0.05  # width of a letter of a name and height of its line, over the body's length
 _ALONG: Final = (0.5, 0.35, 0.65, 0.2, 0.8)  # positions of a name along a side, tried in this order
 _ON_LINE: Final = (0.15, 0.5, 0.85)  # positions of a name along a line inside the body
 _SLIM: Final = (0.8, 1.2)  # width and height of supports' triangles: with equal sides their direction is not seen
@@ -287,11 +288,14 @@ class _Sketch:
             text = ", ".join([text, *_initial_strain(self.problem, material_number, self.units)])
             if len(present) > 1:
                 text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
-                middles = cells.mean(axis=1)  # the number stands in the cell nearest to the centre
-                place = middles[np.argmin(np.hypot(*(middles - middles.mean(axis=0)).T))]
+                middles, (a, b, c) = cells.mean(axis=1), mesh.corners[cell_materials == material_number].swapaxes(0, 1)
+                centre = np.average(middles, axis=0, weights=np.abs(cross(b - a, c - a)))
+                place = middles[np.argmin(np.hypot(*(middles - centre).T))]  # in the cell nearest to the centre
                 box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": style.GREY, "linewidth": 0.6}
-                look_of = {"fontsize": "small", "bbox": box, "zorder": 6, **_CENTRED}
-                self.axes.text(place[0], place[1], str(index + 1), **look_of)
+                text_of = self.axes.text(
+                    place[0], place[1], str(index + 1), fontsize="small", bbox=box, zorder=6, **_CENTRED
+                )
+                self.written.append((text_of, [(place, _CENTRED)]))  # names give way to it
             if index < _MATERIALS:
                 self.entries.append(Patch(**look, edgecolor="#999999", label=style.wrapped(text)))
         style.draw_grid(self.axes, mesh)
@@ -356,7 +360,9 @@ class _Sketch:
                 first, *inside = self._spots(run, -1.0)
                 outside = self._spots(run, 1.0)
                 other_spots = outside + inside if name in self.groups["free"] else inside + outside
-                self._write(name, [first, *other_spots], style.GREY)
+                normal, needed = run.at(0.5).normals[0], self.length * np.array([_LETTER * len(name), _LINE])
+                is_thin = np.ptp(self.problem.mesh.vertices @ normal) < np.abs(normal) @ needed
+                self._write(name, [*outside, first] if is_thin else [first, *other_spots], style.GREY)
         for name in self.problem.mesh.joint_names:
             if name not in contacts:
                 pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
