@@ -200,14 +200,15 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             refinement = refined(problem, target=target, quantity=quantity, verbose=verbose, **settings)
             limit_load, problem = refinement.limit, refinement.problem
         proof_lines = [] if proof is None else _write_proof(proof, problem, loads, settings)
-    lines, units, reasons = report.limit_lines(loads, limit_load, refinement), problem_file.units, {}
-    remarks = _time_remark(problem_file)
+    is_missed = refinement is not None and refinement.status != "reached"
+    refined_lines = [] if refinement is None else [refinement.message, *[refinement.status.advice] * is_missed]
+    units, reasons, remarks = problem_file.units, dict[str, str](), _time_remark(problem_file)
     if limit_load.upper == math.inf:
         remarks.append(
             "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at "
             "any multiple: check a load by qvi-contact solve."
         )
-    lines += remarks
+    lines = [f"{', '.join(loads)}: {report.limit_sentence(limit_load)}", *refined_lines, *remarks]
     if limit_load.mechanism is None and limit_load.collapse is None:
         reasons["plot"] = "there is no mechanism to draw in"
     if limit_load.collapse is None:
@@ -227,7 +228,6 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     complete = _write_files(targets, {"plot": plot, "vtk": vtk, "report": page}, reasons)
     document = {"loads": list(loads), **report.limit_document(limit_load, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*lines, *proof_lines]))
-    is_missed = refinement is not None and refinement.status != "reached"
     return 2 if not complete else 1 if is_missed or limit_load == -math.inf else 0
 
 

@@ -15,7 +15,6 @@ from typing import Any, Final
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.lib.format import MAGIC_PREFIX
 from numpy.typing import NDArray
 
 from qvi_contact import __version__
@@ -93,9 +92,6 @@ class Archive:
         self.arrays: Arrays
         try:
             with open_regular(path) as stream:
-                if stream.read(len(MAGIC_PREFIX)) == MAGIC_PREFIX:
-                    raise InputError("result", self.path, f"is a single array: {_REMEDY}")
-                stream.seek(0)
                 self.arrays = read_arrays("result", self.path, stream)
         except InputError:
             raise

@@ -390,7 +390,7 @@ class TestRefused:
         (tmp_path / "a.npz").write_text("x, y\n1, 2\n")
         assert "not an archive, or holds pickled objects" in fails(tmp_path / "a.npz")
         np.save(tmp_path / "a.npy", np.ones(3))
-        assert "single array" in fails(tmp_path / "a.npy")
+        assert "not an archive" in fails(tmp_path / "a.npy")
         np.savez(tmp_path / "other.npz", x=np.ones(3))
         assert "not a result" in fails(tmp_path / "other.npz")
         np.savez(tmp_path / "a.npz", **entries | {"z": np.array([{}], dtype=object)})
