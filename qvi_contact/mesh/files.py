@@ -447,7 +447,8 @@ class _AbaqusFile:
             if is_ambiguous and keyword == "ELSET":
                 remedy = f"holds a set {name!r} of a part, and another one of its assembly: rename one"
                 raise InputError("mesh", "", remedy)
-            if is_ambiguous or (keyword != "ELSET" and upper in map(str.upper, (*edge_sets, *regions))):
+            taken = {"ELSET": (), "SURFACE": edge_sets, "NSET": (*edge_sets, *regions)}[keyword]
+            if is_ambiguous or upper in map(str.upper, taken):
                 continue
             lines = [np.empty((0, 2), np.int64)]
             for side in dict.fromkeys(side for _, side in self._members[key]):
@@ -534,7 +535,7 @@ class _AbaqusFile:
         if not name:
             raise ValueError(f"a set (*{keyword}) has no name")
         key = keyword, of_assembly, name.upper()
-        if not (of_assembly and "INTERNAL" in options):
+        if "INTERNAL" not in options or (keyword, of_assembly) == ("ELSET", False):
             self._called.setdefault(key, name)
         return self._members.setdefault(key, [])
 

@@ -253,7 +253,8 @@ class TestAbaqus:
         text = """*PART, NAME=P\n*NODE, NSET=Nodes\n1, 0D0, 0\n2, 1.0d0, 0\n3, 1, 1\n4, 0, 1\n5, 2, 0\n6, 2, 1
         *NODE\n7, 9, 9\n*ELEMENT, TYPE=CPS4\n1, 1, 2, 3, 4\n*ELEMENT, TYPE=CPS3, ELSET=right\n2, 2, 5, 6\n3, 2, 6, 3
         *ELEMENT, TYPE=T2D2, ELSET=wall\n4, 4, 1\n*NSET, NSET=Base\n5, 1, 2, 7\n*NSET, NSET=Twice\n1, 2
-        *SURFACE, NAME=Free\nright,\n*SURFACE, NAME=Top\n1, S3\n3, E2\n3, S7\n1, SPOS\n*SURFACE, NAME=Seam\n3, S3
+        *NSET, NSET=_Picked, INTERNAL\n1, 2
+        *SURFACE, NAME=Right\nright,\n*SURFACE, NAME=Top\n1, S3\n3, E2\n3, S7\n1, SPOS\n*SURFACE, NAME=Seam\n3, S3
         *SURFACE, NAME=Rigid, TYPE=SEGMENTS\nSTART, 0, 0\n*SURFACE, NAME=Floor, TYPE=NODE\nBase, 1.0\n*END PART
         *ASSEMBLY\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n*NSET, NSET=Twice, INSTANCE=I\n2, 5
         *ELSET, ELSET=_Side_S2, INTERNAL, INSTANCE=I\n2\n*SURFACE, NAME=Side\n_Side_S2, S2\n*SURFACE, NAME=wall\n1, S1
@@ -262,7 +263,7 @@ class TestAbaqus:
         middle = {name: mesh.vertices[mesh.pairs(name)].mean(axis=1).tolist() for name in mesh.edge_sets}
         below, above, east, west = [[0.5, 0.0], [1.5, 0.0]], [[0.5, 1.0], [1.5, 1.0]], [2.0, 0.5], [0.0, 0.5]
         assert {name: sorted(points) for name, points in middle.items()} == {
-            "wall": [west], "Base": below, "Floor": below, "Low": below[:1], "Free": [below[1], above[1], east],
+            "wall": [west], "Base": below, "Floor": below, "Low": below[:1], "Right": [below[1], above[1], east],
             "Top": above, "Seam": [[1.0, 0.5]], "Side": [east], "West": [west],
             "Nodes": sorted([*below, *above, east, west]),
         }  # fmt: skip
