@@ -467,6 +467,13 @@ class TestFigures:
         assert loop.lines[2].get_xydata() == pytest.approx(np.column_stack(History(steps, 2).loop("plate")))
         with pytest.raises(InputError, match="no contact"):
             history_figure(History((), 2))
+        mesh, top = TriangleMesh.rectangle((2, 2), 2.0, 1.0), Traction("top", x=20.0, y=-100.0)
+        block = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.5), top, *FREE])
+        figure = history_figure(History((solve(block),), 1))
+        figure.draw_without_rendering()
+        body = figure.axes[0]
+        for corner in body.texts[0].get_window_extent().corners():
+            assert body.bbox.contains(*corner)  # numbers do not cover the axis
 
 
 @pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".pdf", b"%PDF"), (".PNG", b"\x89PNG")])
