@@ -72,19 +72,10 @@ def test_help_imports_nothing_but_click(module):
     assert loaded - {"colorama"} <= {"click", *OWN}  # colorama: on Windows
 
 
-INTERRUPTED = """
-import runpy, signal, sys
-class AtClick:
-    def find_spec(self, name, *_):
-        if name == "click":
-            signal.raise_signal(signal.SIGINT)
-sys.meta_path.insert(0, AtClick())
-runpy.run_module("qvi_contact", run_name="__main__")
-"""
-
-
 def test_an_interrupt_while_the_command_is_loaded_leaves_no_traceback():
-    done = ran("-c", INTERRUPTED)
+    stop = "type('', (), {'__getattr__': lambda *_: exec('raise KeyboardInterrupt')})()"
+    code = f"import sys; sys.modules['qvi_contact.command.cli'] = {stop}; import qvi_contact.__main__ as m; m.main()"
+    done = ran("-c", code)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 

@@ -60,11 +60,11 @@ class TestFiles:
     @pytest.mark.parametrize(
         ("name", "text", "told"),
         [("a.stl", "", "endings"), ("a.msh", None, "no such file"), ("a.msh", "nonsense", "cannot be read"),
-         ("a.msh", "", "cannot be read"),
-         ("a.inp", INP.replace("CPS3", "CPE9"), "cannot be read"),
+         ("a.msh", "", "cannot be read"), ("a.inp", INP.replace("CPS3", "CPE9"), "cannot be read"),
          ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=C3D4\n3, 1, 2, 3, 4"), "'C3D4'"),
          ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
-         ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"), ("a.med", "nonsense", "cannot be read")],
+         ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"), ("a.med", "nonsense", "cannot be read"),
+         *(("a.msh", MSH_4.replace("4.1 0 8", f"{v} 0 8"), "4.1 or 2.2") for v in ("4.0", "4", "3", "1"))],
     )  # fmt: skip
     def test_what_cannot_be_read_is_told_in_one_line(self, tmp_path, capsys, name, text, told):
         path = tmp_path / name
@@ -162,11 +162,6 @@ class TestGmsh:
     def test_numbers_with_gaps_are_read_and_take_no_memory(self, tmp_path):
         path = written(tmp_path / "a.msh", MSH_4, ("\n5\n0 0 0", f"\n{MUCH}\n0 0 0"))
         assert TriangleMesh.load(path).cells.tolist() == [[0, 1, 2], [0, 2, 3]]
-
-    @pytest.mark.parametrize("version", ["4.0", "4", "3", "1"])
-    def test_other_formats_are_told_which_there_are(self, tmp_path, version):
-        told = refusal(written(tmp_path / "a.msh", MSH_4, ("4.1 0 8", f"{version} 0 8")))
-        assert "4.1 or 2.2" in told
 
     @pytest.mark.parametrize("text", [MSH_2, MSH_4])
     def test_sections_that_no_mesh_needs_are_not_read(self, tmp_path, text):
