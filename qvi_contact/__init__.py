@@ -88,9 +88,6 @@ def __getattr__(name: str) -> Any:
         if name in names.split(", "):
             value = globals()[name] = getattr(import_module(f"{__name__}.{home}"), name)
             return value
-    from qvi_contact.errors import refuse_retired
-
-    refuse_retired(name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -283,8 +283,7 @@ class Options(Table):
     """The fields of a dataclass as a table, read as a mapping of the given values only."""
 
     def read(self, value: Any, reader: Reader) -> Any:
-        given = getattr(self.of, "given", None)
-        return read_values(self.of, value if given is None else given(value), reader)
+        return read_values(self.of, value, reader)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TextIO, TypeAlias, cast
 
 import click
 
-from qvi_contact.errors import RETIRED, InputError, QVIError
+from qvi_contact.errors import InputError, QVIError
 from solvers.basics.foreign import lead_nowhere
 
 if TYPE_CHECKING:
@@ -107,9 +107,6 @@ def _status(command: click.Command, name: str) -> int:
     except click.exceptions.NoArgsIsHelpError as error:
         _say(error.format_message())
         return 2
-    except click.NoSuchOption as error:
-        remedy = RETIRED.get(error.option_name.lstrip("-").replace("-", "_"))
-        return _complain(name, f"{error.option_name} {remedy}" if remedy else error.format_message())
     except click.ClickException as error:
         return _complain(name, error.format_message())
     except QVIError as error:

@@ -297,16 +297,6 @@ def _error(step: RefinementRound) -> tuple[str, str]:
     return f"{step.estimate:.1e}", "estimate" if step.certainty is Certainty.ESTIMATE else "guaranteed"
 
 
-def limit_lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:
-    """The result of a limit analysis as lines of text."""
-    lines = [f"{', '.join(loads)}: {limit_sentence(limit)}"]
-    if refinement is not None:
-        lines.append(refinement.message)
-        if refinement.status != "reached":
-            lines.append(refinement.status.advice)
-    return lines
-
-
 def limit_sentence(limit: LimitLoad) -> str:
     """How much the mesh carries, and the body at most, in a sentence."""
     if limit.upper == -math.inf:

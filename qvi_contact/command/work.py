@@ -200,8 +200,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             refinement = refined(problem, target=target, quantity=quantity, verbose=verbose, **settings)
             limit_load, problem = refinement.limit, refinement.problem
         proof_lines = [] if proof is None else _write_proof(proof, problem, loads, settings)
-    lines, units, reasons = report.limit_lines(loads, limit_load, refinement), problem_file.units, {}
-    remarks = _time_remark(problem_file)
+    is_missed = refinement is not None and refinement.status != "reached"
+    refined_lines = [] if refinement is None else [refinement.message, *[refinement.status.advice] * is_missed]
+    units, reasons, remarks = problem_file.units, dict[str, str](), _time_remark(problem_file)
     if not limit_load.in_time:
         remarks.append("The time limit ended the search for the other bound: allow more time.")
     elif limit_load.upper == math.inf:
@@ -209,7 +210,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at "
             "any multiple: check a load by qvi-contact solve."
         )
-    lines += remarks
+    lines = [f"{', '.join(loads)}: {report.limit_sentence(limit_load)}", *refined_lines, *remarks]
     if limit_load.mechanism is None and limit_load.collapse is None:
         reasons["plot"] = "there is no mechanism to draw in"
     if limit_load.collapse is None:
@@ -229,8 +230,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     complete = _write_files(targets, {"plot": plot, "vtk": vtk, "report": page}, reasons)
     document = {"loads": list(loads), **report.limit_document(limit_load, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*lines, *proof_lines]))
-    is_missed = not limit_load.in_time or (refinement is not None and refinement.status != "reached")
-    return 2 if not complete else 1 if is_missed or limit_load == -math.inf else 0
+    is_found = limit_load.in_time and not is_missed and limit_load != -math.inf
+    return 2 if not complete else 0 if is_found else 1
 
 
 def _first_time(file: ProblemFile) -> str:
@@ -532,7 +533,9 @@ def _write_all(
         if file.times and series.results.steps[0].has_state and result.problem.contacts:
             plots.save_figure(path, plots.history_figure(series.results, units, file.times, file.title))
         else:
-            plots.save_figure(path, plots.result_figure(result, units, file.title, page_arguments.get("panels")))
+            where = "" if series is None else f"{series.label} = {series.values[len(series.results.steps) - 1]:g}"
+            title = ", ".join(filter(None, (file.title, where)))
+            plots.save_figure(path, plots.result_figure(result, units, title, page_arguments.get("panels")))
 
     def page(path: str) -> None:
         from qvi_contact.command.page import result_page

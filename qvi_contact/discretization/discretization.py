@@ -188,14 +188,14 @@ def discretize(
     degree: int | None = None,
     law_on: LawOn | None = None,
     scales: Scales | None = None,
-    **retired: Any,
+    **unknown: Any,
 ) -> Discretization:
     """Discretise a contact problem.
 
     `degree` is that of the Airy function, 3 to 12, by default 4. With `law_on` "edges" the contact law bounds the
     Bernstein coefficients of the tractions on each edge, and so holds on whole edges; with "points" it bounds their
     values at Gauss points. The default is "edges", but "points" if friction varies along an edge, or another bound does
-    so nonlinearly, see `laws_vary`. Unknown arguments, and those of version 0.1, are refused with a remedy.
+    so nonlinearly, see `laws_vary`. Unknown arguments are refused with a remedy.
 
     The units are `scales`, by default those of the problem: lengths are divided by L, stresses by S, displacements by
     C S L. The unknowns z are the degrees of freedom of Φ that traction conditions and gauge leave free,
@@ -208,8 +208,8 @@ def discretize(
     `InputError` if a field of the problem gives bad values, if the tractions on a closed part of the boundary are out
     of balance, or if `degree` or `law_on` is not one of those above.
     """
-    if retired:
-        refuse_arguments(retired, ("degree", "law_on", "scales"))
+    if unknown:
+        refuse_arguments(unknown, ("degree", "law_on", "scales"))
     instance_of(ContactProblem, "problem", problem)
     if scales is not None and not isinstance(scales, Scales):
         raise InputError("scales", scales, "give Scales, or leave them out")

@@ -15,7 +15,6 @@ from typing import Any, Final
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.lib.format import MAGIC_PREFIX
 from numpy.typing import NDArray
 
 from qvi_contact import __version__
@@ -29,14 +28,13 @@ from qvi_contact.files.problem_text import problem_to_toml, unchecked_toml
 from qvi_contact.mesh.edges import points_back
 from qvi_contact.solution.history import CONTINUES
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.settings import law_of_rows
 from qvi_contact.units import Units
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.certificate.certificate import EXPONENTS
 
 FORMAT: Final = "qvi_contact result"
-FORMAT_VERSION: Final = 1
-"""Grows when an entry changes its meaning or is removed. A new entry does not: the reader has a default without it."""
+FORMAT_VERSION: Final = 2
+"""Grows when an entry is added, removed, or changes its meaning."""
 
 OWN: Final = frozenset({"format", "format_version", "digest"})  # entries that `write_archive` adds
 STORE: Final = "store"  # entry with the digest of the history, in archives of load steps, which hold no fields
@@ -94,9 +92,6 @@ class Archive:
         self.arrays: Arrays
         try:
             with open_regular(path) as stream:
-                if stream.read(len(MAGIC_PREFIX)) == MAGIC_PREFIX:
-                    raise InputError("result", self.path, f"is a single array: {_REMEDY}")
-                stream.seek(0)
                 self.arrays = read_arrays("result", self.path, stream)
         except InputError:
             raise
@@ -250,13 +245,9 @@ def result_from_archive(archive: Archive) -> ContactResult:
 
     def discretized(scales: Scales) -> Discretization:
         try:
-            problem_file = problem_from_toml(text)
-            if problem_file.is_grid:  # results on triangles store vertices and triangles
-                remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
-                raise InputError("result", archive.path, remedy)
-            entry = "contact_rows" if "contact_rows" in archive.arrays else "law_on"  # the first in version 0.1
-            law_on = law_of_rows(archive.text(entry))
-            return discretize(problem_file.problem, scales=scales, degree=archive.count("degree"), law_on=law_on)
+            law_on: Any = archive.text("law_on")
+            problem = problem_from_toml(text).problem
+            return discretize(problem, scales=scales, degree=archive.count("degree"), law_on=law_on)
         except InputError as error:
             if error.field == "result":  # the message names the file already
                 raise
@@ -268,9 +259,6 @@ def result_from_archive(archive: Archive) -> ContactResult:
 def answer_from_archive(archive: Archive, discretize_in: Callable[[Scales], Discretization]) -> ContactResult:
     """Make the result of an archive; `discretize_in` discretises its problem in given scales, without earlier slip."""
     discretization = _discretization(archive, discretize_in)
-    if "strict" in archive.arrays and archive.number("strict") != 0.0:
-        remedy = "was computed by an inner solver 'strict:…', retired in version 0.2: solve its problem again"
-        raise InputError("result", archive.path, remedy)
     qvi, (table, statuses) = discretization.qvi, (archive.floats("history", 2), archive.texts("history_status"))
     if table.shape != (len(statuses), 6) or not np.isfinite(table[:, [0, 4]]).all():
         raise InputError("result", archive.path, "entries 'history' and 'history_status' do not fit together")
@@ -286,7 +274,7 @@ def answer_from_archive(archive: Archive, discretize_in: Callable[[Scales], Disc
         "iterations": archive.count("iterations"),
         "message": archive.text("message"),
         "corrections": tuple(archive.floats("corrections").tolist()),
-        "remarks": tuple(archive.texts("remarks")) if "remarks" in archive.arrays else (),  # none in version 0.1
+        "remarks": tuple(archive.texts("remarks")),
         **{name: archive.mapping(name) for name in ("timings", "versions")},
         **{name: archive.text(name) for name in _TEXTS},
     }
@@ -298,12 +286,12 @@ def _discretization(archive: Archive, discretize_in: Callable[[Scales], Discreti
     length, stress, compliance = archive.floats("scales", size=3)
     if not min(length, stress, compliance) > 0.0 or not np.isfinite([length, stress, compliance]).all():
         raise archive.refused("scales", "holds units that are not positive numbers")
-    reach = archive.number("reach") if "reach" in archive.arrays else np.inf  # files of version 0.1 have none
+    reach = archive.number("reach")
     if not reach > 0.0:
         raise archive.refused("reach", "is not a positive number")
     known = discretize_in(Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach))
     for name, own in _counted(known).items():
-        if not np.array_equal(archive.integers(name) if name in archive.arrays else np.empty(0, dtype=np.int64), own):
+        if not np.array_equal(archive.integers(name), own):
             remedy = (
                 "refers to another basis or orientation than this version has on the mesh: solve the problem again, or "
                 "take the version of qvi-contact that wrote the file"
@@ -311,7 +299,7 @@ def _discretization(archive: Archive, discretize_in: Callable[[Scales], Discreti
             raise archive.refused("tangential_multiplier" if name == "led_back" else "z", remedy)
     counts = [len(rows.gap) for rows in known.contacts]
     slip = archive.floats("earlier_slip", size=sum(counts))
-    if not (slip.any() or ("later" in archive.arrays and archive.number("later") != 0.0)):
+    if not (slip.any() or archive.number("later") != 0.0):
         return known
     return known.with_data(known.problem, known.scales, np.split(slip, np.cumsum(counts)[:-1]))
 
@@ -363,13 +351,13 @@ class StepStore(Sequence[ContactResult]):
         self._last_read: tuple[int, ContactResult] | None = None
         self._slice: range | None = None  # numbers of the steps in a slice of the sequence
         header = self._folder / "store.json"
-        expected = {"format": "qvi_contact steps", "version": 1, "fingerprint": fingerprint, "planned": planned}
+        expected = {"format": "qvi_contact steps", "version": 2, "fingerprint": fingerprint, "planned": planned}
         if header.exists():
             try:
                 existing: Any = json.loads(header.read_text(encoding="utf-8"))
             except (OSError, ValueError, RecursionError):
                 existing = None
-            if not isinstance(existing, dict) or not expected.items() <= existing.items():  # older files have more keys
+            if not isinstance(existing, dict) or not expected.items() <= existing.items():
                 remedy = "belongs to another history, with other problems or options, or to none: give a new folder"
                 raise InputError("store", str(header), remedy)
         elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write that was killed

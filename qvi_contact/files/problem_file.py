@@ -344,8 +344,6 @@ class ProblemFile:
     """Times of the load steps; empty without a history."""
     sweep: SweepPlan | None
     """The sweep that the file asks for, if any."""
-    is_grid: bool
-    """Whether the file gives its mesh by grid lines."""
     _reader: FileReader = field(repr=False)
     text: str = field(default="", repr=False)
     """The text of the file."""
@@ -510,7 +508,6 @@ def _from_tables(
         refine_options=document.refine,
         times=times,
         sweep=document.sweep,
-        is_grid="x" in data["mesh"],
         _reader=reader,
     )
     _ = problem_file.problems  # reads the other times, and so checks them

@@ -104,7 +104,7 @@ def limit_load_factor(
     time_limit: float | None = None,
     degree: int | None = None,
     verbose: bool = False,
-    **retired: Any,
+    **unknown: Any,
 ) -> LimitLoad:
     """Largest multiple of the named loads that contacts and body can carry while all other loads stay, from both sides.
 
@@ -134,8 +134,8 @@ def limit_load_factor(
         Degree of the element, see `discretize`.
     verbose : bool
         Print the loads, and both sides with the time.
-    **retired
-        Unknown arguments and those of version 0.1: an `InputError` says what to do instead.
+    **unknown
+        Unknown arguments: an `InputError` names the known ones.
 
     Returns
     -------
@@ -150,7 +150,7 @@ def limit_load_factor(
         If a program is not solved, the linear program of the mesh to a relative accuracy of 1e-7, or no side in time.
 
     """
-    refuse_arguments(retired, (*OPTIONS, "verbose"))
+    refuse_arguments(unknown, (*OPTIONS, "verbose"))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
         analysis = LimitProblem.of(problem, checked_loads(problem, loads), degree)
         log.begin({"loads": ", ".join(analysis.names), "unknowns": analysis.low.qvi.n})
@@ -348,7 +348,7 @@ def strength_reduction_factor(
     accuracy: float = 1e-3,
     degree: int | None = None,
     time_limit: float | None = None,
-    **retired: Any,
+    **unknown: Any,
 ) -> StrengthReduction:
     """The factor by which strengths may be divided until the loads are just carried, from both sides.
 
@@ -364,7 +364,7 @@ def strength_reduction_factor(
         Contacts and regions whose strengths are divided, "body" for the body's own material; all by default.
     accuracy : float
         Relative width at which the searches for both sides end, below 1.
-    degree, time_limit, **retired
+    degree, time_limit, **unknown
         As for `limit_load_factor`. At the time limit the searches end with the bounds that they have.
 
     Raises
@@ -375,7 +375,7 @@ def strength_reduction_factor(
         If a program is not solved, or not even the first one in time.
 
     """
-    refuse_arguments(retired, ("of", "accuracy", *OPTIONS))
+    refuse_arguments(unknown, ("of", "accuracy", *OPTIONS))
     instance_of(ContactProblem, "problem", problem)
     if not positive_number("accuracy", accuracy) < 1.0:
         raise InputError("accuracy", accuracy, "give a relative width below 1, such as 1e-3")

@@ -66,7 +66,7 @@ def limit_proof(
     *,
     degree: int | None = None,
     time_limit: float | None = None,
-    **retired: Any,
+    **unknown: Any,
 ) -> dict[str, Any]:
     """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
 
@@ -81,7 +81,7 @@ def limit_proof(
         The problem: straight triangles; friction, strengths and caps that are numbers.
     loads : sequence of str
         Names of the loads to multiply, see `limit_load_factor`.
-    degree, time_limit, **retired
+    degree, time_limit, **unknown
         As for `limit_load_factor`.
 
     Returns
@@ -97,7 +97,7 @@ def limit_proof(
         If there is no finite bound, or no proof holds in exact arithmetic.
 
     """
-    refuse_arguments(retired, OPTIONS)
+    refuse_arguments(unknown, OPTIONS)
     with deadline(time_limit):
         no_loads = isinstance(loads, Sequence) and not loads
         analysis = LimitProblem.of(problem, () if no_loads else checked_loads(problem, loads), degree)

@@ -1,13 +1,15 @@
 """Meshes from other programs, see `TriangleMesh.load`: files of Gmsh, Abaqus or CalculiX, MED, and VTK.
 
-Names are physical names in .msh files, element sets (ELSET) in .inp files, in upper or lower case and with line
-elements such as T3D2 for curves, and groups in .med files. VTK files have no names. Middle nodes of quadratic elements
-and points without a triangle are left out, so sides are straight.
+Names are physical names in .msh files, groups in .med files, and those of sets in .inp files, in upper or lower case:
+element sets (ELSET), with line elements such as T3D2 for curves, then surfaces (SURFACE), and node sets (NSET), which
+stand for the sides on the boundary between two of their nodes. VTK files have no names. Middle nodes of elements of
+higher order and points without a triangle are left out, so sides are straight.
 
 Files of Gmsh, formats 2.2 and 4.1, text or binary, and of Abaqus are read here, the others by meshio. In Abaqus files
-meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses what
-included files, and sets within sets, hold. Every count in a Gmsh file is compared with the bytes that are left, so that
-no wrong count makes a large array. Sections that a mesh does not need (periodic nodes, fields, views) are skipped.
+meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses
+surfaces, and what included files, and sets within sets, hold. Every count in a Gmsh file is compared with the bytes
+that are left, so that no wrong count makes a large array. Sections that a mesh does not need (periodic nodes, fields,
+views) are skipped.
 """
 
 import io
@@ -23,7 +25,7 @@ from typing import Any, BinaryIO, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.writing import given_path, open_regular
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
@@ -36,13 +38,19 @@ _PLANE_TOLERANCE: Final = 1e-9  # range of z, relative to the body's size, that 
 _AREA_TOLERANCE: Final = 1e-6  # relative difference of areas that is more than rounding
 
 # by Gmsh's numbers of element types: numbers of nodes, names of solids, and which nodes are the corners
-_NODE_COUNTS: Final = {1: 2, 2: 3, 3: 4, 8: 3, 9: 6, 10: 9, 15: 1, 16: 8}
+_NODE_COUNTS: Final = {
+    1: 2, 8: 3, 26: 4, 27: 5, 28: 6, 15: 1,  # lines, of degree 1 to 5; points
+    2: 3, 9: 6, 21: 10, 23: 15, 25: 21, 20: 9, 22: 12, 24: 15,  # triangles; the last three without inner nodes
+    3: 4, 10: 9, 36: 16, 37: 25, 38: 36, 16: 8, 39: 12, 40: 16, 41: 20,  # quadrilaterals; the last four, too
+}  # fmt: skip
 _SOLIDS: Final = {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid"}
 _CORNERS: Final = {  # by meshio's types of cells
     "triangle": 3, "triangle6": 3, "triangle7": 3, "triangle10": 3, "triangle15": 3, "quad": 4, "quad8": 4, "quad9": 4,
 }  # fmt: skip
-_LINES: Final = {1: (0, 1), 8: (0, 1)}
-_CELLS: Final = {2: (0, 1, 2, 2), 9: (0, 1, 2, 2), 3: (0, 1, 2, 3), 10: (0, 1, 2, 3), 16: (0, 1, 2, 3)}
+_LINES: Final = dict.fromkeys((1, 8, 26, 27, 28), (0, 1))
+_CELLS: Final = dict.fromkeys((2, 9, 20, 21, 22, 23, 24, 25), (0, 1, 2, 2)) | dict.fromkeys(
+    (3, 10, 16, 36, 37, 38, 39, 40, 41), (0, 1, 2, 3)
+)
 _MAX_SETS: Final = 10_000_000  # names × blocks of elements: each block may have all names
 _VERSIONS: Final = {"2": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}  # known formats; "4" would be 4.0
 
@@ -146,12 +154,8 @@ def triangles_of(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArra
     quads = cells[:, 3] != cells[:, 2]
     if not quads.any():
         return cells[:, :3], np.arange(len(cells))
-    # corners of the body: both sides there belong to one cell only
-    pairs = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2), axis=2)
-    keys = pairs[..., 0] * len(points) + pairs[..., 1]
-    _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
-    on_boundary = (count == 1)[number].reshape(keys.shape)  # sides ab, bc, cd, da
-    in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # at a, b, c, d
+    _, on_boundary = _sides(cells)
+    in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # of the body, at a, b, c, d
     a, b, c, d = points[cells].swapaxes(0, 1)
     least = []  # 2 × area of the smaller triangle for diagonal ac, bd; −1 if the diagonal lies outside
     for first_half, second_half in (((a, b, c), (a, c, d)), ((a, b, d), (b, c, d))):
@@ -167,6 +171,14 @@ def triangles_of(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArra
     halves[~quads, 0] = cells[~quads, :3]
     is_triangle = np.column_stack([np.ones(len(cells), dtype=bool), quads])
     return halves[is_triangle], np.repeat(np.arange(len(cells)), is_triangle.sum(axis=1))
+
+
+def _sides(cells: IntArray) -> tuple[IntArray, BoolArray]:
+    """Ends (m, 4, 2) of the sides ab, bc, cd, da of cells (m, 4), and whether one cell only has a side (m, 4)."""
+    ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2), axis=2)
+    keys = ends[..., 0] * (cells.max(initial=0) + 1) + ends[..., 1]
+    _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
+    return ends, (count == 1)[number].reshape(keys.shape) & (ends[..., 0] != ends[..., 1])
 
 
 class _GmshFile:
@@ -218,7 +230,7 @@ class _GmshFile:
         """Numbers of elements by physical name; several physical numbers may have one name."""
         parts_of_name = dict[str, list[IntArray]]()
         for each, number, name in self._names:
-            if each == dimension and number in numbered:
+            if name and each == dimension and number in numbered:
                 parts_of_name.setdefault(name, []).extend(numbered[number])
         return {name: np.concatenate(parts) for name, parts in parts_of_name.items()}
 
@@ -366,12 +378,15 @@ class _GmshFile:
 _PLANE: Final = re.compile(r"(?:CPS|CPE|CPEG|CAX|S|STRI|M3D|R3D)([34689])\w*")  # with the number of nodes
 _TRUSS: Final = re.compile(r"(?:(T2D2|T3D2|R2D2|B[23][13])|T2D3|T3D3|B[23]2)H?")  # of two nodes, or of three
 _GENERATORS: Final = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")  # keywords that generate nodes or elements
-_READ: Final = ("NODE", "ELEMENT", "ELSET")
+_SETS: Final = ("ELSET", "SURFACE", "NSET")  # in the order in which they get a name that several of them have
+_READ: Final = ("NODE", "ELEMENT", *_SETS)
 _FLAGS: Final = ("GENERATE", "INTERNAL", "UNSORTED")  # options without a value
 _MAX_NUMBER: Final = 2**62  # of an element
 
 _Member: TypeAlias = str | int | range
-"""Member of a set of elements: the name of another set, the number of an element, or a range of numbers."""
+"""Member of a set of elements or nodes: the name of another set, a number, or a range of numbers."""
+_Key: TypeAlias = tuple[str, bool, str]
+"""Keyword of a set, whether it belongs to an assembly, and its name in upper case."""
 
 
 def _lines_of(path: Path, including: tuple[Path, ...] = ()) -> Iterator[str]:
@@ -399,8 +414,8 @@ class _AbaqusFile:
         self._path = path
         self._nodes = dict[int, list[float]]()
         self._elements = dict[int, list[int]]()  # nodes of each: 2 or 3 of lines, else 4
-        self._members = dict[str, list[_Member]]()
-        self._called = dict[str, tuple[str, bool]]()  # its spelling, and whether it belongs to an assembly
+        self._members = dict[_Key, list[tuple[_Member, str]]]()  # with the side of elements in a surface, else ""
+        self._called = dict[_Key, str]()  # the spelling of the names of sets, but not of sets that programs have named
         self._sections = list[tuple[str, dict[str, str], list[str]]]()
         is_continued = False
         for line in _lines_of(path):
@@ -423,14 +438,36 @@ class _AbaqusFile:
         index, points = {number: position for position, number in enumerate(self._nodes)}, list(self._nodes.values())
         nodes_of = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
         row_of = {number: row for row, number in enumerate(n for n, nodes in nodes_of.items() if len(nodes) == 4)}
-        edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
-        for key, (name, _) in self._called.items():
-            members = self._numbers(key)
-            lines = [_ends(nodes_of[number], points) for number in members if number not in row_of]
-            cells = [row_of[number] for number in members if number in row_of]
-            edge_sets |= {name: np.array(lines)} if lines else {}
-            regions |= {name: np.array(cells)} if cells else {}
         corners = np.array([nodes_of[number] for number in row_of], dtype=np.int64).reshape(-1, 4)
+        (ends, on_boundary), is_triangle = _sides(corners), corners[:, 2] == corners[:, 3]
+        edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
+        for key, name in sorted(self._called.items(), key=lambda item: _SETS.index(item[0][0])):
+            keyword, of_assembly, upper = key
+            is_ambiguous = (keyword, not of_assembly, upper) in self._called
+            if is_ambiguous and keyword == "ELSET":
+                remedy = f"holds a set {name!r} of a part, and another one of its assembly: rename one"
+                raise InputError("mesh", "", remedy)
+            taken = {"ELSET": (), "SURFACE": edge_sets, "NSET": (*edge_sets, *regions)}[keyword]
+            if is_ambiguous or upper in map(str.upper, taken):
+                continue
+            lines = [np.empty((0, 2), np.int64)]
+            for side in dict.fromkeys(side for _, side in self._members[key]):
+                numbers = self._numbers(key, [member for member, of_side in self._members[key] if of_side == side])
+                if keyword == "NSET":
+                    boundary = ends[on_boundary]
+                    lines.append(boundary[np.isin(boundary, [index[number] for number in numbers]).all(axis=1)])
+                    continue
+                trusses = [_ends(nodes_of[number], points) for number in numbers if number not in row_of]
+                cells = np.array([row_of[number] for number in numbers if number in row_of], dtype=np.int64)
+                lines.append(np.array(trusses, dtype=np.int64).reshape(-1, 2))
+                if keyword == "ELSET":
+                    regions |= {name: cells} if len(cells) else {}
+                else:  # the third side of a triangle, ca, is the fourth in `ends`; without a number all on the boundary
+                    place = np.where(is_triangle[cells] & (side[1:] == "3"), "4", side[1:])
+                    chosen = place[:, None] == ["1", "2", "3", "4"] if side else on_boundary[cells]
+                    lines.append(ends[cells][chosen])
+            edges = np.unique(np.concatenate(lines), axis=0)
+            edge_sets |= {name: edges} if len(edges) else {}
         return MeshParts(np.array(points, dtype=float).reshape(-1, 3), corners, edge_sets, regions)
 
     def _read_sections(self) -> None:
@@ -449,19 +486,21 @@ class _AbaqusFile:
                 data += _lines_of(self._path.parent / options["INPUT"].strip('"'), (self._path.resolve(),))
             rows = (line.rstrip(",").split(",") for line in data)
             if keyword == "NODE" and not of_assembly:  # nodes of assemblies are reference points
-                self._read_nodes(rows)
+                self._read_nodes(options, rows)
             elif keyword == "ELEMENT" and of_assembly:
                 raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")
             elif keyword == "ELEMENT":
                 self._read_elements(options, rows)
-            elif keyword == "ELSET" and not (of_assembly and "INTERNAL" in options):
-                self._read_set(options, rows, of_assembly)
+            elif keyword in _SETS and options.get("TYPE", "NODE").upper() in ("NODE", "ELEMENT"):
+                self._read_set(keyword, options, rows, of_assembly)
 
-    def _read_nodes(self, rows: Iterator[list[str]]) -> None:
+    def _read_nodes(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
+        members = self._set("NSET", options, of_assembly=False) if "NSET" in options else []
         for number, *coordinates in rows:
-            point = [*map(float, coordinates), 0.0, 0.0][:3]
+            point = [*(float(word.upper().replace("D", "E")) for word in coordinates), 0.0, 0.0][:3]
             if self._nodes.setdefault(int(number), point) != point:
                 raise ValueError(f"two nodes have the number {number}")
+            members.append((int(number), ""))
 
     def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
         kind = options.get("TYPE", "")
@@ -475,42 +514,48 @@ class _AbaqusFile:
                 raise ValueError(f"two elements have the number {number}")
             self._elements[number] = nodes if truss else [*nodes[:3], nodes[2 if count in (3, 6) else 3]]
         if "ELSET" in options:
-            self._set(options, of_assembly=False).extend(table[:, 0].tolist())
+            self._set("ELSET", options, of_assembly=False).extend((number, "") for number in table[:, 0].tolist())
 
-    def _read_set(self, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
-        members = self._set(options, of_assembly=of_assembly)
+    def _read_set(self, keyword: str, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
+        is_surface, of_nodes = keyword == "SURFACE", options.get("TYPE", "").upper() == "NODE"
+        members = self._set("NSET" if of_nodes else keyword, options, of_assembly=of_assembly)
         for words in rows:
             if "GENERATE" in options:
                 first, last, *step = map(int, words)
-                members.append(range(first, min(last, _MAX_NUMBER) + 1, *step))
+                members.append((range(first, min(last, _MAX_NUMBER) + 1, *step), ""))
             else:
-                members += [int(word) if word.isdigit() else word.upper() for word in map(str.strip, words)]
+                names = [word.strip().upper().rpartition(".")[2] for word in words]  # without that of the instance
+                side = names[1] if is_surface and not of_nodes and len(names) > 1 else ""
+                used = filter(None, names[:1] if is_surface else names)
+                members += [(int(name) if name.isdigit() else name, side) for name in used]
 
-    def _set(self, options: dict[str, str], *, of_assembly: bool) -> list[_Member]:
+    def _set(self, keyword: str, options: dict[str, str], *, of_assembly: bool) -> list[tuple[_Member, str]]:
         """The list of members of the set that the options name."""
-        name = options.get("ELSET", "")
+        name = options.get(keyword) or options.get("NAME", "")
         if not name:
-            raise ValueError("a set of elements has no name")
-        if self._called.setdefault(name.upper(), (name, of_assembly))[1] != of_assembly:
-            raise InputError("mesh", "", f"holds a set {name!r} of a part, and another one of its assembly: rename one")
-        return self._members.setdefault(name.upper(), [])
+            raise ValueError(f"a set (*{keyword}) has no name")
+        key = keyword, of_assembly, name.upper()
+        if "INTERNAL" not in options or (keyword, of_assembly) == ("ELSET", False):
+            self._called.setdefault(key, name)
+        return self._members.setdefault(key, [])
 
-    def _numbers(self, key: str) -> list[int]:
-        """The elements of a set and of the sets among its members, in ascending order."""
-        elements, seen, pending = set[int](), {key}, [key]
+    def _numbers(self, key: _Key, members: list[_Member]) -> list[int]:
+        """The elements, or nodes, among members of a set and of the sets among these, in ascending order."""
+        keyword, known = ("NSET", self._nodes.keys()) if key[0] == "NSET" else ("ELSET", self._elements.keys())
+        numbers, seen, pending = set[int](), {key[2]} if keyword == key[0] else set[str](), members
         while pending:
-            if (name := pending.pop()) not in self._members:
-                raise ValueError(f"there is no set {name} of elements")
-            for member in self._members[name]:
-                if isinstance(member, range):
-                    is_short = len(member) <= len(self._elements)
-                    elements.update(member if is_short else (number for number in self._elements if number in member))
-                elif isinstance(member, int):
-                    elements.add(member)
-                elif member not in seen:
-                    seen.add(member)
-                    pending.append(member)
-        return sorted(elements & self._elements.keys())
+            member = pending.pop()
+            if isinstance(member, range):
+                numbers.update(member if len(member) <= len(known) else (each for each in known if each in member))
+            elif isinstance(member, int):
+                numbers.add(member)
+            elif member not in seen:
+                seen.add(member)
+                nested = self._members.get((keyword, key[1], member), self._members.get((keyword, False, member)))
+                if nested is None:
+                    raise ValueError(f"there is no set {member} (*{keyword})")
+                pending += [each for each, _ in nested]
+        return sorted(numbers & known)
 
 
 def _ends(nodes: list[int], points: list[list[float]]) -> list[int]:

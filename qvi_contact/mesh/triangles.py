@@ -180,9 +180,9 @@ class TriangleMesh(MeshParts, PicklesFields):
     def load(cls, path: str | Path, join: str | None = None) -> TriangleMesh:
         """Read a mesh file: Gmsh (.msh, format 4.1 or 2.2), Abaqus or CalculiX (.inp), and by meshio MED (.med), VTK.
 
-        Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
-        body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. With `join`, bodies in
-        the file that touch along straight lines get a joint of this name; for arcs see `joined`.
+        Names of curves (physical names, groups; ELSET, SURFACE, NSET) become edge sets, or joints where the curves lie
+        inside the body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. With `join`,
+        bodies in the file that touch along straight lines get a joint of this name; for arcs see `joined`.
         """
         parts = read_mesh(path)
         return cls(*(parts if join is None else cutting.joined(parts, join)).given)

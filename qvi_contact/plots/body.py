@@ -309,7 +309,7 @@ def draw_body(
         return np.stack(mesh.points_along(edges, t), axis=-1) + factor * shape.along(edges, t, other=other)
 
     before, after = np.stack(mesh.points_along(mesh.boundary, t), axis=-1), face(mesh.boundary)
-    label = f"before; displacements × {factor:g}"
+    label = f"before; displacements × {style.beside([factor])[0]}"
     axes.add_collection(style.lines(style.edge_lines(mesh, mesh.boundary), style.GREY, (0, (4, 3)), 0.6, label))
     axes.add_collection(style.lines(after, "#333333", "solid", 0.8))
     for joint in result.problem.joints:
@@ -525,6 +525,7 @@ COMPONENT_LABELS: Final = {
 
 _LEVELS: Final = 8  # about so many contour lines
 _ALL_BUT_FEW: Final = 0.99  # share of the points whose values set the range of the bands
+_ROUNDING: Final = 1e-6  # share of the largest value to which values are rounded: else bands show a rounding error
 _UNIFORM: Final = 1e-4  # range of a field over its size below which the field counts as uniform
 
 
@@ -558,9 +559,10 @@ def draw_contours(
     _, first, group = np.unique(np.column_stack([rounded, part]), axis=0, return_index=True, return_inverse=True)
     group = group.ravel()
     means = np.bincount(group, values) / np.bincount(group)
+    size = float(np.abs(means).max())
+    means = np.round(means, -int(np.floor(np.log10(_ROUNDING * max(size, 1e-300)))))
     # range and levels of the bands
     low, high = usual_range(means) if ends is None else ends
-    size = float(np.abs(means).max())
     if size == 0.0 and high == low:
         low, high = 0.0, 1.0
     elif high - low <= _UNIFORM * size:

@@ -119,11 +119,17 @@ def _lay_out(
         body.set(xlim=box[:, 0], ylim=box[:, 1])
         body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
         body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
-        spread(body, written)
-        for text, _ in written:
-            low, high = body.transData.inverted().transform(text.get_window_extent().get_points())
-            margin = 0.01 * (box[1] - box[0])
-            box = np.array([np.minimum(box[0], low - margin), np.maximum(box[1], high + margin)])
+        box = _with_texts(body, box, written)
+
+
+def _with_texts(axes: "Axes", box: FloatArray, written: Sequence[Written]) -> FloatArray:
+    """Spread the texts; returns the box (2, 2) [length], larger where it does not hold them."""
+    spread(axes, written)
+    for text, _ in written:
+        low, high = axes.transData.inverted().transform(text.get_window_extent().get_points())
+        margin = 0.01 * (box[1] - box[0])
+        box = np.array([np.minimum(box[0], low - margin), np.maximum(box[1], high + margin)])
+    return box
 
 
 def _answer(result: ContactResult, units: Units) -> str:
@@ -269,7 +275,6 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collaps
 
 
 _LETTERS: Final = 13  # letters of a heading on an inch
-_ROOM: Final = 0.12  # margin for numbers around the body, as a share of the larger side of its drawing
 _LOOPS: Final = 4  # largest number of loops, and of charts of forces
 
 
@@ -309,10 +314,9 @@ def history_figure(
         left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, right_width])[0]
         body, (last_number, last_step) = left.subplots(), last
         picture = draw_body(body, last_step, units=units)
-        low, high = picture.box + np.array([[-1.0], [1.0]]) * _ROOM * float(np.ptp(picture.box, axis=0).max())
-        body.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), anchor="N")
+        body.set_anchor("N")
         label = f"step {last_number}" if abscissa is None else f"t = {abscissa[last_number - 1]:g}"
-        body.set_title(f"{label}; displacements × {picture.factor:g}", fontsize="medium")
+        body.set_title(f"{label}; displacements × {beside([picture.factor])[0]}", fontsize="medium")
         for part, (draw, row, argument) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
             for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
                 axes.set_ylabel(f"force [{units.force}]")
@@ -321,6 +325,10 @@ def history_figure(
         width = int(_LETTERS * (3.8 + right_width))
         heading = "\n".join(textwrap.fill(text, width) for text in (title, history.message, *notes) if text)
         figure.suptitle(style.plain_text(heading), x=0.02, ha="left", fontsize="medium")
+        box = picture.box
+        for _ in range(_PASSES):
+            body.set(xlim=box[:, 0], ylim=box[:, 1])
+            box = _with_texts(body, box, picture.written)
     return figure
 
 
@@ -378,7 +386,9 @@ def _draw_forces(axes: "Axes", name: str, forces: list[tuple[float, float]], tim
     axes.set_title(f"{name}: forces", fontsize="medium")
     axes.set_xlabel("step [-]" if times is None else "t")
     axes.locator_params(axis="x", integer=times is None)
-    axes.legend(frameon=False)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.2 * (high - low))  # with room for the legend
+    axes.legend(frameon=False, loc="upper center", ncols=2)
 
 
 def notebook_png(shown: TriangleMesh | ContactProblem) -> bytes | None:

@@ -48,6 +48,7 @@ _CENTRED: Final[dict[str, Any]] = {"ha": "center", "va": "center"}
 _INDEX: Final = {"x": "_x", "y": "_y", "normal": "_N", "tangential": "_T"}  # indices of t, σ and u in the legend
 _WORTH_A_NAME: Final = 0.4  # sides of an edge set get a name if longer than this share of its longest side
 _NAMED: Final = 4  # largest number of sides of an edge set that get a name
+_LETTER, _LINE = 0.015, 0.05  # width of a letter of a name and height of its line, over the body's length
 _ALONG: Final = (0.5, 0.35, 0.65, 0.2, 0.8)  # positions of a name along a side, tried in this order
 _ON_LINE: Final = (0.15, 0.5, 0.85)  # positions of a name along a line inside the body
 _SLIM: Final = (0.8, 1.2)  # width and height of supports' triangles: with equal sides their direction is not seen
@@ -357,7 +358,9 @@ class _Sketch:
                 first, *inside = self._spots(run, -1.0)
                 outside = self._spots(run, 1.0)
                 other_spots = outside + inside if name in self.groups["free"] else inside + outside
-                self._write(name, [first, *other_spots], style.GREY)
+                normal, needed = run.at(0.5).normals[0], self.length * np.array([_LETTER * len(name), _LINE])
+                is_thin = np.ptp(self.problem.mesh.vertices @ normal) < np.abs(normal) @ needed
+                self._write(name, [*outside, first] if is_thin else [first, *other_spots], style.GREY)
         for name in self.problem.mesh.joint_names:
             if name not in contacts:
                 pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))

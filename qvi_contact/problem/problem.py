@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
+from typing import Any, Final, NoReturn, TypeAlias
 
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, instance_of
 from qvi_contact.element.triangle import triangle_lattice
-from qvi_contact.errors import InputError, UnknownNameError, place_of, refuse_retired
+from qvi_contact.errors import InputError, UnknownNameError, place_of
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import (
@@ -126,12 +126,6 @@ class ContactProblem(PicklesFields):
                     remedy = "this function cannot be pickled: take an Expression, a Polynomial, or one of a module"
                     raise InputError(name, function, remedy) from error
         return super().__getstate__()
-
-    if not TYPE_CHECKING:  # so type checkers still report unknown names
-
-        def __getattr__(self, name: str) -> object:
-            refuse_retired(name)
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __deepcopy__(self, memo: object = None) -> ContactProblem:
         """The problem itself: nothing in it can be changed."""

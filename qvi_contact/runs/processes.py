@@ -114,7 +114,7 @@ class Process:
         self._lifeline: int | None = None
         self._about: Any = None
         self._loaded = self._proven = False  # whether this process, or any process before, has loaded the job
-        self._killed = False  # whether a process has ended before; a first kill need not be the job's fault
+        self._lost_one = False  # whether a process was lost before; a first kill need not be the job's fault
         self._began = self._used = 0.0
 
     def give(self, order: object) -> None:
@@ -155,7 +155,7 @@ class Process:
         if answer[0] in ("refused", "ended", "timeout"):
             code = self.end()
             status, reason = answer if len(answer) == 2 else self._last_words(code)
-            killed_first, self._killed = code < 0 and answer[0] == "ended" and not self._killed, True
+            killed_first, self._lost_one = code < 0 and answer[0] == "ended" and not self._lost_one, True
             if not self._proven and not killed_first:
                 raise NotLoadedError(reason)
             return Outcome("crashed" if status == "refused" else status, None, reason, seconds, about=self._about)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from qvi_contact.basics.schema import Inline
-from qvi_contact.errors import RETIRED, InputError
+from qvi_contact.errors import InputError
 from solvers.settings import CondensedOptions, FixedPointOptions, UzawaOptions
 from solvers.settings import Settings as Method
 
@@ -48,9 +47,6 @@ class Settings(Method):
     effective where a fluid presses; negative values count as zero. This setting does not choose the method."""
 
     def __post_init__(self) -> None:
-        if isinstance(self.options, Mapping):
-            for name in RETIRED.keys() & self.options.keys():
-                raise InputError(name, self.options[name], RETIRED[name])
         super().__post_init__()
         if self.initial is not None:
             from qvi_contact.solution.result import ContactResult  # not needed by files and commands
@@ -88,11 +84,6 @@ def pressures(initial: object) -> Any:
 # Settings in files and commands.
 
 
-def law_of_rows(contact_rows: Any) -> Any:
-    """`law_on` from the value of `contact_rows` in version 0.1; other values are returned unchanged."""
-    return {"bernstein": "edges", "gauss": "points"}.get(str(contact_rows), contact_rows)
-
-
 _OF_ALL = ("max_iterations", "initial", "callback")  # options that all methods have
 
 
@@ -106,19 +97,6 @@ class SolveOptions:
     uzawa: Annotated[Any, Inline(UzawaOptions, _OF_ALL)] = None
     max_iterations: int | None = None
     """Iterations at most; each method has its own default: `max_iterations = 200`."""
-
-    @staticmethod
-    def given(data: Any) -> Any:
-        """The options of a file, with the keys `contact_rows` and `element` of version 0.1 translated."""
-        if not isinstance(data, dict):
-            return data
-        if data.get("element", "hct") != "hct":
-            remedy = "rectangles (bfs) are gone: leave this key out, then grids are cut into triangles"
-            raise InputError("element", data["element"], remedy)
-        given = {name: value for name, value in data.items() if name not in ("element", "contact_rows")}
-        if "contact_rows" in data and "law_on" not in data:
-            given["law_on"] = law_of_rows(data["contact_rows"])
-        return given
 
 
 @dataclass(frozen=True, kw_only=True)

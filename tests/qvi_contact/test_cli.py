@@ -72,6 +72,13 @@ def test_help_imports_nothing_but_click(module):
     assert loaded - {"colorama"} <= {"click", *OWN}  # colorama: on Windows
 
 
+def test_an_interrupt_while_the_command_is_loaded_leaves_no_traceback():
+    stop = "type('', (), {'__getattr__': lambda *_: exec('raise KeyboardInterrupt')})()"
+    code = f"import sys; sys.modules['qvi_contact.command.cli'] = {stop}; import qvi_contact.__main__ as m; m.main()"
+    done = ran("-c", code)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
 def test_a_solve_imports_of_scipy_what_it_needs():
     """Arrays and their factorisations: other parts would take a third of the time of a small solve."""
     loaded = loaded_by("qvi_contact.command.cli", "solve", ROOT / "examples" / "wedge.toml")

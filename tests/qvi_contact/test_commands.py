@@ -270,7 +270,9 @@ class TestSweep:
 
     def test_on_the_command_line(self, shell, tmp_path):
         path = plate_file(tmp_path, 0.2)
-        document = answered(shell("solve", path, "--set", "friction=0.1,0.3", "--json"))
+        picture = tmp_path / "a.svg"
+        document = answered(shell("solve", path, "--set", "friction=0.1,0.3", "--json", "--plot", picture))
+        assert "friction = 0.3" in picture.read_text(encoding="utf-8")  # that of the last value
         assert (document["solved"], document["friction"]) == (True, [0.1, 0.3])
         alone = [solve(compressed_plate(mu, (2, 2))).contacts["plate"].normal_force for mu in (0.1, 0.3)]
         found = [step["contacts"]["plate"]["normal_force"]["value"] for step in document["steps"]]

@@ -219,11 +219,13 @@ class TestField:
     @pytest.mark.parametrize(
         ("values", "ends"),
         [([0.0, 1.0, 2.0, 3.0], (0.0, 3.0)), ([-1.0, 3.0, 0.0, 0.0], (-3.0, 3.0)), ([0.0] * 4, (0.0, 1.0)),
-         ([5.0, 5.0, 5.0, 5.0 + 1e-9], (4.75, 5.25))],
+         ([5.0, 5.0, 5.0, 5.0 + 1e-9], (4.75, 5.25)), ([15.0, 15.0 - 1e-9, 15.0 + 1e-9, 15.0], (14.25, 15.75))],
     )  # fmt: skip
     def test_bands_hold_all_values_are_centred_where_both_signs_occur_and_show_no_rounding(self, values, ends):
         points, triangles = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), np.array([[0, 1, 2], [1, 3, 2]])
-        bands = draw_contours(new_axes(), points, points, triangles, np.array(values), np.zeros(4, dtype=int))
+        axes = new_axes()
+        bands = draw_contours(axes, points, points, triangles, np.array(values), np.zeros(4, dtype=int))
+        assert any(len(path) for path in axes.collections[-1].get_paths()) == (np.ptp(values) > 1e-6)
         low, high = bands.levels[[0, -1]]
         assert (low, high) == pytest.approx(ends, rel=0.35)
         assert low <= min(values) <= max(values) <= high
@@ -465,6 +467,12 @@ class TestFigures:
         assert loop.lines[2].get_xydata() == pytest.approx(np.column_stack(History(steps, 2).loop("plate")))
         with pytest.raises(InputError, match="no contact"):
             history_figure(History((), 2))
+        mesh, top = TriangleMesh.rectangle((2, 2), 2.0, 1.0), Traction("top", x=20.0, y=-100.0)
+        block = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.5), top, *FREE])
+        figure = history_figure(History((solve(block),), 1))
+        figure.draw_without_rendering()
+        corners = figure.axes[0].texts[0].get_window_extent().corners()
+        assert all(figure.axes[0].bbox.contains(*corner) for corner in corners)  # numbers do not cover the axis
 
 
 @pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".pdf", b"%PDF"), (".PNG", b"\x89PNG")])

@@ -1,18 +1,16 @@
 """Materials, conditions and problems: what they mean, in both kinds of components, and what they refuse."""
 
-import importlib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qvi_contact import InputError, TriangleMesh, discretize, load_problem, load_result, solve, verify_result
+from qvi_contact import InputError, TriangleMesh, discretize, solve
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import BodyForces, Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
-from tests.cases import refusal, refused_at
+from tests.cases import refused_at
 
 MESH = TriangleMesh.rectangle((2, 2))
 STEEL = Material(2.1e5, 0.3)
@@ -155,44 +153,3 @@ def test_a_component_that_two_rule_is_refused_whatever_it_is_called():
             kind("top", x=0.0, tangential=1.0)
         with pytest.raises(InputError, match="give at least one"):
             kind("top")
-
-
-OLD = Path(__file__).parent / "old"
-
-
-def test_names_that_were_imported_and_archives_of_rectangles():
-    for name, instead in (("RectilinearMesh", "TriangleMesh.grid"), ("stream_sweep", "solve_sweep(")):
-        found = refusal(getattr, importlib.import_module("qvi_contact"), name)
-        assert found.value == name
-        assert instead in found.remedy
-    for name in ("rectangles.npz", "steps_of_rectangles/step-000001.npz"):
-        found = refusal(load_result, OLD / name)
-        assert "rectangles" in found.remedy
-        assert "solve its problem again" in found.remedy
-
-
-def test_an_archive_of_triangles_is_read_as_before():
-    result = load_result(OLD / "grid_of_triangles.npz")
-    assert result.status == "solved"
-    assert result.contacts["bottom"].normal_force == pytest.approx(1.4408063363934915, rel=1e-9)
-    again = solve(load_problem(OLD / "grid.toml").problem, law_on="edges")
-    assert again.contacts["bottom"].normal_force == pytest.approx(1.4408063363934915, rel=1e-7)
-    assert again.contacts["bed"].tangential_force == pytest.approx(0.08427127886032235, rel=1e-7)
-    assert verify_result(load_result(OLD / "free_block.npz")).passed  # in its scales the contact has no stiffness
-
-
-def test_problem_files():
-    found = refusal(load_problem, OLD / "rectangles.toml")
-    assert (found.field, "leave this key out" in found.remedy) == ("solve.element", True)
-    file = load_problem(OLD / "grid.toml")
-    assert dict(file.solve_options) == {"law_on": "points"}
-    assert file.problem.mesh.cell_count == 10
-    assert file.problem.mesh.edge_names[-2:] == ("roof", "step")
-    assert file.problem.cell_materials.tolist() == [0] * 6 + [1] * 4
-
-
-def test_the_law_had_another_name(shell):
-    found = refusal(lambda: solve(compressed_plate(0.2), contact_rows="gauss"))
-    assert (found.field, "law_on" in found.remedy) == ("contact_rows", True)
-    status, _, err = shell("solve", OLD / "grid.toml", "--contact-rows", "gauss")
-    assert (status, "law_on" in err) == (2, True)

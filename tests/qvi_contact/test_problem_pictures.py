@@ -183,6 +183,15 @@ def covered(axes):
     return [pair for pair in combinations(boxes, 2) if pair[0].overlaps(pair[1])]
 
 
+def test_names_beside_a_thin_body_stand_on_their_own_side():
+    mesh = TriangleMesh.rectangle((2, 40), 0.2, 20.0)
+    sides = [Traction(name, x=0.0, y=0.0) for name in ("left", "right", "top")]
+    figure = problem_figure(ContactProblem(mesh, Material(1e3, 0.3), [*sides, Contact("bottom", 0.3)]))
+    axes = figure.axes[0]
+    boxes = {text.get_text(): axes.transData.inverted().transform(text.get_window_extent()) for text in axes.texts}
+    assert boxes["left"][1, 0] < 0.0 < 0.2 < boxes["right"][0, 0]
+
+
 def test_names_do_not_cover_each_other():
     """A thin wedge whose sides are all named, with a tip too narrow for two names; numbers of materials."""
     corners = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 0.6), (0.0, 0.3)])

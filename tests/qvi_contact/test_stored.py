@@ -309,9 +309,8 @@ class TestForged:
         entries = dict(Archive(tmp_path / "a.npz").arrays)
         assert len(entries["centres"]) == 2
         assert fails(tmp_path / "a.npz") == set()
-        none, old = ({k: v for k, v in entries.items() if k != name} for name in ("centres", "led_back"))
-        for wrong in (entries | {"centres": entries["centres"][:1]}, none, old):
-            assert "refers to another basis" in fails(stored(tmp_path / "b.npz", wrong))
+        for wrong in ({"centres": entries["centres"][:1]}, {"led_back": entries["led_back"][1:]}):
+            assert "refers to another basis" in fails(stored(tmp_path / "b.npz", entries | wrong))
 
     @settings(max_examples=10, deadline=None, derandomize=True)
     @given(
@@ -391,7 +390,7 @@ class TestRefused:
         (tmp_path / "a.npz").write_text("x, y\n1, 2\n")
         assert "not an archive, or holds pickled objects" in fails(tmp_path / "a.npz")
         np.save(tmp_path / "a.npy", np.ones(3))
-        assert "single array" in fails(tmp_path / "a.npy")
+        assert "not an archive" in fails(tmp_path / "a.npy")
         np.savez(tmp_path / "other.npz", x=np.ones(3))
         assert "not a result" in fails(tmp_path / "other.npz")
         np.savez(tmp_path / "a.npz", **entries | {"z": np.array([{}], dtype=object)})
