@@ -2,8 +2,9 @@
 
 Names are physical names in .msh files, groups in .med files, and those of sets in .inp files, in upper or lower case:
 element sets (ELSET), with line elements such as T3D2 for curves, then surfaces (SURFACE), and node sets (NSET), which
-stand for the sides on the boundary between two of their nodes. VTK files have no names. Middle nodes of elements of
-higher order and points without a triangle are left out, so sides are straight.
+stand for the sides on the boundary between two of their nodes. Names that a part and its assembly both use are left
+out. VTK files have no names. Middle nodes of elements of higher order and points without a triangle are left out, so
+sides are straight.
 
 Files of Gmsh, formats 2.2 and 4.1, text or binary, and of Abaqus are read here, the others by meshio. In Abaqus files
 meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses
@@ -444,12 +445,8 @@ class _AbaqusFile:
         for key, name in sorted(self._called.items(), key=lambda item: _SETS.index(item[0][0])):
             keyword, of_assembly, upper = key
             is_ambiguous = (keyword, not of_assembly, upper) in self._called
-            if is_ambiguous and keyword == "ELSET":
-                remedy = f"holds a set {name!r} of a part, and another one of its assembly: rename one"
-                raise InputError("mesh", "", remedy)
-            taken = {"ELSET": (), "SURFACE": edge_sets, "NSET": (*edge_sets, *regions)}[keyword]
-            if is_ambiguous or upper in map(str.upper, taken):
-                continue
+            if is_ambiguous or (keyword != "ELSET" and upper in map(str.upper, edge_sets)):
+                continue  # an element set and a node set of one name, as programs write them, are a region and edges
             lines = [np.empty((0, 2), np.int64)]
             for side in dict.fromkeys(side for _, side in self._members[key]):
                 numbers = self._numbers(key, [member for member, of_side in self._members[key] if of_side == side])
