@@ -1,13 +1,13 @@
 """Edges that are arcs, and the triangles beside them: tractions, functions, and energies integrated up to the arcs.
 
-On an arc from a to b, of length ℓ and with the turning tangent τ, the traction follows from the change of ∇Φ,
+On an arc from a to b, of length ℓ and with the turning tangent e, the traction follows from the change of ∇Φ,
 
-    d∇Φ/ds = Φ_ττ τ + Φ_τμ μ,   σ_N = Φ_ττ,   σ_T = −(n·μ) Φ_τμ,   μ = (−τ_y, τ_x)
+    d∇Φ/ds = Φ_ee e + Φ_em m,   σ_N = Φ_ee,   σ_T = −(n·m) Φ_em,   m = (−e_y, e_x)
 
-N_k, Q_k are the Legendre coefficients of Φ_ττ and Φ_τμ over the arc's length, as on straight edges: a constant
+N_k, Q_k are the Legendre coefficients of Φ_ee and Φ_em over the arc's length, as on straight edges: a constant
 pressure has one coefficient. N_0, Q_0, N_1 give the polynomials the resultant force and moment of Φ, ∇Φ in the corners,
 
-    ℓ ∫ (N τ + Q μ) dt = ∇Φ_b − ∇Φ_a,   ℓ ∫ (N τ + Q μ)·(x_m − x) dt = Φ_b − Φ_a − (b − a)·(∇Φ_a + ∇Φ_b)/2
+    ℓ ∫ (N e + Q m) dt = ∇Φ_b − ∇Φ_a,   ℓ ∫ (N e + Q m)·(x_m − x) dt = Φ_b − Φ_a − (b − a)·(∇Φ_a + ∇Φ_b)/2
 
 with the middle x_m of the chord. The other coefficients are those of Φ itself.
 
@@ -38,12 +38,12 @@ _ALONG_ARCS: Final = 8  # Gauss points along an arc, less the degree and the num
 
 
 def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
-    """Factors (n, q, 3, 2) of Φ_ττ and Φ_τμ in the force along the chord, across it, and in the moment.
+    """Factors (n, q, 3, 2) of Φ_ee and Φ_em in the force along the chord, across it, and in the moment.
 
     They are integrands at shares t (n, q) of the lengths of arcs with bends (n, k), see `mesh.edges`, on unit chords.
     """
     cosine, sine = np.cos(angles(bend, t)), np.sin(angles(bend, t))
-    frame = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 3, 0, 1)  # (n, q, component, τ or μ)
+    frame = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 3, 0, 1)  # (n, q, component, e or m)
     arm = np.array([0.5, 0.0]) - arc_offsets(np.tile([1.0, 0.0], (len(bend), 1)), bend, t)
     moment = (arm[..., None] * frame).sum(axis=2, keepdims=True)
     return np.asarray(stretches(bend)[:, None, None, None] * np.concatenate([frame, moment], axis=2))
@@ -112,7 +112,7 @@ class CurvedTriangles:
         along = np.zeros((len(t), 3))
         along[:, first], along[:, second] = 1.0 - t, t
         at = beyond_chords(corners, bends, along)[0]
-        # Φ_ττ and Φ_τμ there, then their Legendre coefficients
+        # Φ_ee and Φ_em there, then their Legendre coefficients
         hessians = self.triangles.hessian_maps[chosen][:, None] @ self.element.reference_functions(at, 2)
         a, b = np.moveaxis(tangent, -1, 0)  # factors of (Φ_xx, Φ_yy, Φ_xy) in derivatives along two vectors
         factors = (np.stack([a * c, b * d, a * d + b * c], axis=-1) for c, d in ((a, b), np.moveaxis(normal, -1, 0)))

@@ -164,7 +164,7 @@ class Supports(PicklesFields):
             dual = vectors_along(parts, partner[edge], t, turns=partner_turns[edge])
             dual = np.stack([-dual[..., 1], dual[..., 0]], axis=-1)
             dual /= (dual * own).sum(axis=-1, keepdims=True)
-            # shares of Φ_ττ and Φ_τμ in each value; integrals: force along and across the chord, moment, N_2 …, Q_1 …
+            # shares of Φ_ee and Φ_em in each value; integrals: force along and across the chord, moment, N_2 …, Q_1 …
             normal, tangent = frames_along(parts, t)
             N, Q = (dual * normal).sum(axis=-1)[..., None], factor[edge] * (dual * tangent).sum(axis=-1)[..., None]
             shapes, scaled = resultant_shapes(parts.bend, t), legendre_basis(degree, t) * norms
