@@ -72,8 +72,16 @@ class Scales:
             values = evaluate("ContactProblem.body_potential", problem.body_potential, *problem.mesh.vertices.T)
             sizes.append(float(np.ptp(values)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
-        sizes += _plate_stresses(problem)
         sizes += _in_contacts(problem, "pore_pressure")
+        for contact in problem.contacts:
+            if contact.plate is not None:  # mean stresses: forces over the contact's length, moments over length × arm
+                plate, edges = contact.plate, problem.mesh.edges(contact.edges)
+                line = float(edges.length.sum())
+                sizes += [abs(plate.force_x or 0.0) / line, abs(plate.force_y or 0.0) / line]
+                if plate.moment is not None:
+                    centre = centre_of(problem.mesh.vertices, edges)
+                    arm = max(abs(at - place) for at, place in zip(centre, plate.reference(*centre), strict=True))
+                    sizes.append(abs(plate.moment_about(*centre)) / (line * max(line, arm)))
         if is_strained(problem):
             x, y = np.moveaxis(problem.mesh.corners, -1, 0)
             sizes.append(float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max()))
@@ -97,21 +105,6 @@ def _in_contacts(problem: ContactProblem, name: str) -> list[float]:
     """The largest cohesion or pore pressure of each contact [stress]."""
     parts = [(problem.mesh.edges(contact.edges), getattr(contact, name)) for contact in problem.contacts]
     return [float(np.abs(_sampled(problem, edges, f"Contact.{name}", field, 0.0)).max()) for edges, field in parts]
-
-
-def _plate_stresses(problem: ContactProblem) -> list[float]:
-    """Mean stresses [stress] of plates: forces over the contact's length, moments over length and longer arm."""
-    sizes = []
-    for contact in problem.contacts:
-        if contact.plate is not None:
-            plate, edges = contact.plate, problem.mesh.edges(contact.edges)
-            length = float(edges.length.sum())
-            sizes += [abs(plate.force_x or 0.0) / length, abs(plate.force_y or 0.0) / length]
-            if plate.moment is not None:
-                centre = centre_of(problem.mesh.vertices, edges)
-                arm = max(abs(at - place) for at, place in zip(centre, plate.reference(*centre), strict=True))
-                sizes.append(abs(plate.moment_about(*centre)) / (length * max(length, arm)))
-    return sizes
 
 
 def _forced(problem: ContactProblem) -> list[float]:
