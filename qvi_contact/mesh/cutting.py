@@ -230,7 +230,7 @@ def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
     Of several longest edges of equal length one halved edge is enough. If none of them is halved, or more than one,
     all three edges are halved: else the numbers of the vertices would choose one.
     """
-    sides, lengths = mesh.topology.of_cells, _lengths(mesh)
+    sides, lengths = mesh.topology.of_cells, mesh.chords[mesh.topology.of_cells]
     is_halved = np.zeros(len(mesh.topology.ends), dtype=bool)
     is_halved[sides[marked]] = True
     is_longest = lengths >= (1.0 - _EQUAL) * lengths.max(axis=1, keepdims=True)
@@ -240,12 +240,6 @@ def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
         to_halve = np.where(is_alone, is_longest, (halved_sides & is_longest).sum(axis=1, keepdims=True) != 1)
         is_halved[sides[to_halve & halved_sides.any(axis=1, keepdims=True)]] = True
     return _halved(mesh, np.flatnonzero(is_halved))
-
-
-def _lengths(mesh: MeshParts) -> FloatArray:
-    """Lengths (m, 3) of the sides of the triangles."""
-    first, second = mesh.vertices[mesh.topology.ends].swapaxes(0, 1)
-    return np.asarray(np.sqrt(np.square(first - second).sum(axis=1))[mesh.topology.of_cells])
 
 
 def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
@@ -268,8 +262,9 @@ def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
     count = (sides >= 0).sum(axis=1)
     one_or_two, all_three = (count == 1) | (count == 2), count == 3
     # the longest halved side; of equal ones side 1, then 2, then 0
-    order, lengths = np.array([1, 2, 0]), np.where(sides >= 0, _lengths(mesh), -1.0)
-    rotation = np.where(one_or_two, order[np.argmax(lengths[:, order], axis=1)], 0)[:, None] + np.arange(3)
+    order, lengths = np.array([1, 2, 0]), np.where(sides >= 0, mesh.chords[topology.of_cells], -1.0)
+    is_longest = lengths >= (1.0 - _EQUAL) * lengths.max(axis=1, keepdims=True)
+    rotation = np.where(one_or_two, order[np.argmax(is_longest[:, order], axis=1)], 0)[:, None] + np.arange(3)
     nodes = np.concatenate([np.take_along_axis(each, rotation % 3, axis=1) for each in (mesh.cells, sides)], axis=1)
     last_is_cut, next_is_cut = nodes[:, 5] >= 0, nodes[:, 4] >= 0
     children, parents = list[IntArray](), list[IntArray]()

@@ -10,7 +10,7 @@ from qvi_contact import Contact, ContactProblem, InputError, Material, Region, S
 from qvi_contact.gallery import compressed_plate, fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment
 from tests.qvi_contact.builders import area, half_disc, quarter
-from tests.qvi_contact.test_triangles import turned
+from tests.qvi_contact.test_triangles import oblique, turned
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 HALVES = [(0, 1, 2), (0, 2, 3)]
@@ -202,6 +202,14 @@ class TestRefined:
         assert fine.edges("notch").length.sum() == pytest.approx(1.0)
         feet = [each.corners[each.region("foot")].max(axis=(0, 1)) for each in (mesh, fine)]
         assert feet[1] == pytest.approx(feet[0])
+
+    def test_layers_of_a_turned_body_are_turned_layers(self):
+        """Two sides of equal length are halved here: rounding must not choose one."""
+        body = fan([np.array(SQUARE)], closed=True, centre=(0.5, 0.5))
+        first, *others = (
+            oblique(body, angle).graded(turned([(0.5, 0.5)], angle), 2, ratio=0.2).cells for angle in range(0, 50, 10)
+        )
+        assert all(np.array_equal(first, other) for other in others)
 
     def test_layers_begin_at_vertices_without_arcs(self):
         with pytest.raises(InputError, match="vertices"):
