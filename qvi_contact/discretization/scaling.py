@@ -66,8 +66,8 @@ class Scales:
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
-        tractions = (_sampled(problem, each.edges, each.name, each.value) for each in problem.prescribed(Traction))
-        sizes = [float(np.abs(values).max()) for values in tractions]
+        tractions = problem.prescribed(Traction)
+        sizes = [float(np.abs(_sampled(problem, each.edges, each.name, each.value)).max()) for each in tractions]
         if callable(problem.body_potential):
             values = evaluate("ContactProblem.body_potential", problem.body_potential, *problem.mesh.vertices.T)
             sizes.append(float(np.ptp(values)))
