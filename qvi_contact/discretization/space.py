@@ -120,11 +120,6 @@ class Functionals(NamedTuple):
         sums = (weights[:, None, :] @ self.values)[:, 0]
         return np.asarray(np.bincount(self.columns.ravel(), sums.ravel(), self.size), dtype=np.float64)
 
-    def rows(self) -> Functionals:
-        """The same functionals, one in each of n r groups."""
-        n, r, width = self.values.shape
-        return Functionals(np.repeat(self.columns, r, axis=0), self.values.reshape(n * r, 1, width), self.size)
-
     def matrix(self) -> sparse.csr_array:
         """The functionals as rows of a sparse matrix (n r, N)."""
         is_entry = self.values != 0.0

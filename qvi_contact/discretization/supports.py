@@ -177,8 +177,10 @@ class Supports(PicklesFields):
             is_load = np.tile(of_both < 3, len(one)), np.tile(of_alone < 2, len(single))
             return d, np.concatenate(is_load)
 
-        rows = [space.resultants(both).rows(), Functionals(traces.columns, combined, space.size).rows()]
-        columns, entries = np.concatenate([r.columns for r in rows]), np.concatenate([r.values for r in rows])
+        # one group for each row
+        groups = space.resultants(both), traces._replace(values=combined)
+        columns = np.concatenate([each.columns.repeat(each.values.shape[1], axis=0) for each in groups])
+        entries = np.concatenate([each.values.reshape(-1, 1, each.values.shape[2]) for each in groups])
         of_both, of_alone = np.arange(2 * degree + 2), np.arange(degree + 1)
         numbers = np.concatenate([np.repeat(number[one], len(of_both)), np.repeat(number[single], len(of_alone))])
         return _Conditions(Functionals(columns, entries, space.size), numbers, data)
