@@ -44,9 +44,9 @@ def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
 
 
 def gradient(degree: int, slopes: FloatArray) -> FloatArray:
-    """Matrices from coefficients to those of ∂/∂x and ∂/∂y, (2, count of degree − 1, count); `slopes` is ∇λ (3, 2)."""
+    """Matrices from coefficients to those of d derivatives, (d, count of degree − 1, count), of slopes ∇λ (3, d)."""
     fine, coarse = exponents(degree), exponents(degree - 1)
-    matrices = np.zeros((2, len(coarse), len(fine)))
+    matrices = np.zeros((slopes.shape[1], len(coarse), len(fine)))
     for slope, unit in zip(slopes, np.eye(3, dtype=np.int64), strict=True):
         row, column = np.nonzero((coarse[:, None] + unit == fine).all(axis=-1))
         matrices[:, row, column] = degree * slope[:, None]
