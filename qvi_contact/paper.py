@@ -68,12 +68,6 @@ class Spline:
         """Lengths h of the cells, shape (n,)."""
         return np.diff(self.lines)
 
-    @cached_property
-    def scales(self) -> FloatArray:
-        """The length s of every line, shape (n + 1,)."""
-        padded = np.concatenate([self.sizes[:1], self.sizes, self.sizes[-1:]])
-        return np.asarray(np.sqrt(padded[:-1] * padded[1:]))
-
     def points(self, t: FloatArray) -> FloatArray:
         """Coordinates of the points t (q,) in [0, 1] of every cell, shape (n, q)."""
         return np.asarray(self.lines[:-1, None] + self.sizes[:, None] * t)
@@ -85,7 +79,8 @@ class Spline:
         """
         n, q = len(self.sizes), len(t)
         shapes = polynomial.polyval(t, polynomial.polyder(_HERMITE, derivative), tensor=True).T  # (q, 4)
-        h, s = self.sizes, self.scales
+        h, padded = self.sizes, np.pad(self.sizes, 1, mode="edge")
+        s = np.sqrt(padded[:-1] * padded[1:])
         units = np.stack([np.ones(n), h / s[:-1], np.ones(n), h / s[1:]], axis=1) / h[:, None] ** derivative
         rows = shapes[None] * units[:, None]  # (n, q, 4)
         columns = np.broadcast_to(2 * np.arange(n)[:, None, None] + np.arange(4), rows.shape)

@@ -422,7 +422,10 @@ class BodyAtRest:
 
 def least_energy(stiffness: FloatArray, given: FloatArray, zero: FloatArray) -> FloatArray:
     """E with E x·x = min S w·w over w (k,) with given · w = x and zero · w = 0, for the stiffness S (k, k)."""
-    particular, free = solutions(np.vstack([given, zero]))
+    diagonal = np.diag(stiffness)
+    units = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))  # of w: springs may be far stiffer than the body
+    stiffness = units[:, None] * stiffness * units
+    particular, free = solutions(np.vstack([given, zero]) * units)
     P = particular[:, : len(given)]
     energy, free_stiffness = P.T @ stiffness @ P, free.T @ stiffness @ free
     if len(free_stiffness):  # rigid motions are left out: they make the matrix singular

@@ -144,13 +144,6 @@ class CurvedCells:
     corners: FloatArray  # (c, 3, 2)
     bends: FloatArray  # (c, 3, k): bends of their sides, see `TriangleMesh.sides`
 
-    @classmethod
-    def of(cls, mesh: TriangleMesh, length: float) -> "CurvedCells":
-        """The cells of a mesh that have arcs; lengths are divided by `length`."""
-        numbers = np.flatnonzero(mesh.curved)
-        corners = (mesh.vertices[mesh.cells[numbers]] - mesh.origin) / length
-        return cls(numbers, corners, mesh.sides[numbers])
-
     def among(self, cells: IntArray | slice, count: int) -> tuple[IntArray, IntArray]:
         """Indices into `cells`, chosen among `count` cells, of cells with arcs; and their indices into `numbers`."""
         chosen = np.arange(count)[cells]
@@ -221,7 +214,9 @@ class DisplacementSpace:
         near, far = (n * edges.cells[:, [side]] + cell.along(mesh, edges, side) for side in (0, 1))
         table = linked(near, far, n * count).reshape(count, n)
         block = linked(edges.cells[:, 0], edges.cells[:, 1], count)
-        return cls(mesh, cell, (first - mesh.origin) / length, frames, table, block, CurvedCells.of(mesh, length))
+        numbers = np.flatnonzero(mesh.curved)
+        curved = CurvedCells(numbers, (mesh.corners[numbers] - mesh.origin) / length, mesh.sides[numbers])
+        return cls(mesh, cell, (first - mesh.origin) / length, frames, table, block, curved)
 
     @property
     def degree(self) -> int:

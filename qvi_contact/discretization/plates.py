@@ -106,18 +106,19 @@ def plate_rows(
     rows, values = list[PlateRow](), list[float]()
     for contact, condition in zip(contacts, problem.contacts, strict=True):
         plate = condition.plate
-        driven = {name: float(value) for name in COMPONENTS if (value := getattr(plate, name, None)) is not None}
-        if plate is None or not driven:
+        if plate is None or not plate.driven:
             continue
         centre, length = centre_of(problem.mesh.vertices, contact.points.edges), float(contact.points.weights.sum())
         reference, points = plate.reference(*centre), contact.points.for_resultants()
         arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
-        for name, given in driven.items():
+        for name in COMPONENTS:
+            if (given := getattr(plate, name)) is None:
+                continue
             arms = int(name == "moment")  # the power of a length by which the component differs from a force
             divisor = length * max(length, arm) ** arms
             size = scales.stress * divisor * scales.length ** (1 + arms)
             motion = scales.displacement / divisor / scales.length**arms
-            rows.append(PlateRow(contact.name, name, given, size, motion, points, reference, divisor))
+            rows.append(PlateRow(contact.name, name, float(given), size, motion, points, reference, divisor))
             values.append((plate.moment_about(*centre) if arms else given) / size)
     resultants = Resultants.on(supports, problem, scales, rows)
     b = np.array(values)

@@ -66,22 +66,31 @@ class Scales:
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
-        tractions = (_sampled(problem, each.edges, each.name, each.value) for each in problem.prescribed(Traction))
-        sizes = [float(np.abs(values).max()) for values in tractions]
+        tractions = problem.prescribed(Traction)
+        sizes = [float(np.abs(_sampled(problem, each.edges, each.name, each.value)).max()) for each in tractions]
         if callable(problem.body_potential):
             values = evaluate("ContactProblem.body_potential", problem.body_potential, *problem.mesh.vertices.T)
             sizes.append(float(np.ptp(values)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
-        sizes += _plate_stresses(problem)
-        sizes += _in_contacts(problem, "pore_pressure")
+        for contact in problem.contacts:
+            sizes.append(_largest(problem, contact, "pore_pressure"))
+            if contact.plate is not None:  # mean stresses: forces over the contact's length, moments over length × arm
+                plate, edges = contact.plate, problem.mesh.edges(contact.edges)
+                line = float(edges.length.sum())
+                sizes += [abs(plate.force_x or 0.0) / line, abs(plate.force_y or 0.0) / line]
+                if plate.moment is not None:
+                    centre = centre_of(problem.mesh.vertices, edges)
+                    arm = max(abs(at - place) for at, place in zip(centre, plate.reference(*centre), strict=True))
+                    sizes.append(abs(plate.moment_about(*centre)) / (line * max(line, arm)))
         if is_strained(problem):
             x, y = np.moveaxis(problem.mesh.corners, -1, 0)
             sizes.append(float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max()))
         loads = [size for size in sizes if size * compliance > _NONE]
         if loads:
             return cls(length, max(loads), compliance)
-        cohesions = [each for each in _in_contacts(problem, "cohesion") if each * compliance > _NONE]
-        return cls(length, min(_AT_REST / compliance, max(cohesions, default=np.inf)), compliance, loaded=False)
+        cohesion = max([_largest(problem, contact, "cohesion") for contact in problem.contacts], default=0.0)
+        least = cohesion if cohesion * compliance > _NONE else np.inf
+        return cls(length, min(_AT_REST / compliance, least), compliance, loaded=False)
 
 
 def _sampled(
@@ -93,25 +102,10 @@ def _sampled(
     return evaluate(name, value, *problem.mesh.points_along(edges, PLACES), minimum=minimum)
 
 
-def _in_contacts(problem: ContactProblem, name: str) -> list[float]:
-    """The largest cohesion or pore pressure of each contact [stress]."""
-    parts = [(problem.mesh.edges(contact.edges), getattr(contact, name)) for contact in problem.contacts]
-    return [float(np.abs(_sampled(problem, edges, f"Contact.{name}", field, 0.0)).max()) for edges, field in parts]
-
-
-def _plate_stresses(problem: ContactProblem) -> list[float]:
-    """Mean stresses [stress] of plates: forces over the contact's length, moments over length and longer arm."""
-    sizes = []
-    for contact in problem.contacts:
-        if contact.plate is not None:
-            plate, edges = contact.plate, problem.mesh.edges(contact.edges)
-            length = float(edges.length.sum())
-            sizes += [abs(plate.force_x or 0.0) / length, abs(plate.force_y or 0.0) / length]
-            if plate.moment is not None:
-                centre = centre_of(problem.mesh.vertices, edges)
-                arm = max(abs(at - place) for at, place in zip(centre, plate.reference(*centre), strict=True))
-                sizes.append(abs(plate.moment_about(*centre)) / (length * max(length, arm)))
-    return sizes
+def _largest(problem: ContactProblem, contact: Contact, name: str) -> float:
+    """The largest cohesion or pore pressure of a contact [stress]."""
+    edges, field = problem.mesh.edges(contact.edges), getattr(contact, name)
+    return float(np.abs(_sampled(problem, edges, f"Contact.{name}", field, 0.0)).max())
 
 
 def _forced(problem: ContactProblem) -> list[float]:
@@ -133,8 +127,8 @@ def _forced(problem: ContactProblem) -> list[float]:
             limits.append(-values.max(axis=1))
     d, limit = np.concatenate(rows), np.concatenate(limits)
     if (np.abs(d).max(axis=1) == 1.0).all():
-        sides = [[limit[d[:, axis] == sign] for sign in (1.0, -1.0)] for axis in (0, 1)]
-        return [max(0.0, -float(a.min()) - float(b.min())) if len(a) and len(b) else 0.0 for a, b in sides]
+        by_side = np.array([np.where(d == sign, limit[:, None], np.inf) for sign in (1.0, -1.0)])
+        return [max(0.0, -room) for room in by_side.min(axis=1, initial=np.inf).sum(axis=0).tolist()]
     if limit.min() >= 0.0:  # u = 0 meets all bounds
         return [0.0]
     box = [(None, None), (None, None), (0.0, None)]  # translation and the distance, which is minimised

@@ -120,11 +120,6 @@ class Functionals(NamedTuple):
         sums = (weights[:, None, :] @ self.values)[:, 0]
         return np.asarray(np.bincount(self.columns.ravel(), sums.ravel(), self.size), dtype=np.float64)
 
-    def rows(self) -> Functionals:
-        """The same functionals, one in each of n r groups."""
-        n, r, width = self.values.shape
-        return Functionals(np.repeat(self.columns, r, axis=0), self.values.reshape(n * r, 1, width), self.size)
-
     def matrix(self) -> sparse.csr_array:
         """The functionals as rows of a sparse matrix (n r, N)."""
         is_entry = self.values != 0.0
@@ -279,19 +274,12 @@ class StressSpace(PicklesFields):
 
         They are N_0, N_1, N_2 …, then Q_0, Q_1 … times −n·m. On straight edges each is one of the `resultants`.
         """
-        boundary = self.mesh.boundary
-        if edges not in self._traces:
-            if edges is boundary or (edges.cells[:, 1] >= 0).any():
-                self._traces[edges] = self._traces_of(edges)
-            else:  # the whole boundary is computed once, for all conditions
-                self._traces[edges] = self.traces(boundary).take(self.mesh.topology.outer.searchsorted(edges.number))
-        return self._traces[edges]
-
-    @cached_property
-    def _traces(self) -> WeakKeyDictionary[Edges, Functionals]:
-        return WeakKeyDictionary()
-
-    def _traces_of(self, edges: Edges) -> Functionals:
+        boundary, known = self.mesh.boundary, self._traces
+        if edges not in known and edges is not boundary and (edges.cells[:, 1] < 0).all():
+            # the whole boundary is computed once, for all conditions
+            known[edges] = self.traces(boundary).take(self.mesh.topology.outer.searchsorted(edges.number))
+        if edges in known:
+            return known[edges]
         columns, resultants = self._resultants(edges)
         (m, factor), h, count = frame(edges), self.lengths(edges)[:, None], self.degree - 1
         # N₀ and Q₀ from ∇Φ_b − ∇Φ_a = h (N₀ t + Q₀ m), −N₁/6 from the moment, see `supports`
@@ -303,33 +291,34 @@ class StressSpace(PicklesFields):
         if edges.curved:  # see `curved`
             values[edges.bent] = from_corners(edges.bend[edges.bent], self.degree - 2) @ resultants[edges.bent]
         values[:, count:] *= factor[:, None, None]
-        return self._scaled(edges, columns, values)
+        known[edges] = self._scaled(edges, columns, values)
+        return known[edges]
+
+    @cached_property
+    def _traces(self) -> WeakKeyDictionary[Edges, Functionals]:
+        return WeakKeyDictionary()
 
     def resultants(self, edges: Edges) -> Functionals:
         """∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_2 …, Q_1 …: 2p − 2 rows an edge, all that tractions fix."""
         return self._scaled(edges, *self._resultants(edges))
 
     def _resultants(self, edges: Edges) -> tuple[IntArray, FloatArray]:
-        """`resultants` of unscaled Φ, ∇Φ, N_k, Q_k (not over `units`): columns (n, l) and values (n, 2p − 2, l)."""
-        columns, sign = self._columns(edges)
+        """`resultants` of unscaled Φ, ∇Φ, N_k, Q_k (not over `units`): columns (n, l) and values (n, 2p − 2, l).
+
+        The columns are six at the ends, N_2 … N_(p−2), Q_1 … Q_(p−2). Odd coefficients change their sign where the
+        tangent runs from the larger vertex number to the smaller.
+        """
+        ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
+        on_edge = edges.number[:, None] * self.element.on_edge + np.arange(self.element.on_edge)
+        columns = np.concatenate([*ends, 3 * len(self.vertices) + on_edge], axis=1)
         values: FloatArray = np.zeros((len(edges), 2 * self.degree - 2, columns.shape[1]))
         values[:, [0, 1], [1, 2]], values[:, [0, 1], [4, 5]] = -1.0, 1.0  # ∇Φ_b − ∇Φ_a
         values[:, 2, 0], values[:, 2, 3] = -1.0, 1.0  # Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2
         values[:, 2, 1:3] = values[:, 2, 4:6] = -self.lengths(edges)[:, None] * edges.tangent / 2.0
-        place = np.arange(6, columns.shape[1])
+        place, sign = np.arange(6, columns.shape[1]), np.where(edges.first < edges.second, 1.0, -1.0)
         power = np.concatenate([np.arange(2, self.degree - 1), np.arange(1, self.degree - 1)])
         values[:, place - 3, place] = sign[:, None] ** power
         return columns, values
-
-    def _columns(self, edges: Edges) -> tuple[IntArray, FloatArray]:
-        """Degrees of freedom of edges (n, l): six at the ends, N_2 … N_(p−2), Q_1 … Q_(p−2); and signs (n,).
-
-        The sign is −1 where the tangent runs from the larger vertex number to the smaller; odd coefficients change.
-        """
-        first_on_edge = 3 * len(self.vertices) + self.element.on_edge * edges.number[:, None]
-        ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
-        sign = np.where(edges.first < edges.second, 1.0, -1.0)
-        return np.concatenate([*ends, first_on_edge + np.arange(self.element.on_edge)], axis=1), sign
 
     def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> Functionals:
         """Functionals of the degrees of freedom from those of unscaled Φ, ∇Φ, N_k, Q_k, with the frames' part."""

@@ -76,15 +76,14 @@ class Supports(PicklesFields):
     @classmethod
     def on(cls, space: StressSpace, given: Sequence[Prescribed], kept: Kept) -> Supports:
         """The supports of a space for these components, made once and kept."""
-        parts = [(part.edges.number, part.direction, part.turns and part.edges.curved) for part in given]
-
-        def made() -> Supports:
-            number = np.concatenate([np.empty(0, np.int64), *(part[0] for part in parts)])
-            direction = np.concatenate([np.empty((0, 2)), *(part[1] for part in parts)])
-            turns = np.concatenate([np.empty(0, bool), *(np.full(len(part[0]), part[2]) for part in parts)])
-            return cls(space, number, direction, turns)
-
-        return kept(cls, (space, *((part[0].tobytes(), part[1].tobytes(), part[2]) for part in parts)), made)
+        parts: list[Any] = [(np.empty(0, np.int64), np.empty((0, 2)), np.empty(0, bool))]
+        parts += [
+            (part.edges.number, part.direction, [part.turns and part.edges.curved] * len(part.direction))
+            for part in given
+        ]
+        number, direction, turns = map(np.concatenate, zip(*parts, strict=True))
+        key = space, number.tobytes(), direction.tobytes(), turns.tobytes()
+        return kept(cls, key, lambda: cls(space, number, direction, turns))
 
     @property
     def basis(self) -> Basis:
@@ -178,8 +177,10 @@ class Supports(PicklesFields):
             is_load = np.tile(of_both < 3, len(one)), np.tile(of_alone < 2, len(single))
             return d, np.concatenate(is_load)
 
-        rows = [space.resultants(both).rows(), Functionals(traces.columns, combined, space.size).rows()]
-        columns, entries = np.concatenate([r.columns for r in rows]), np.concatenate([r.values for r in rows])
+        # one group for each row
+        groups = space.resultants(both), traces._replace(values=combined)
+        columns = np.concatenate([each.columns.repeat(each.values.shape[1], axis=0) for each in groups])
+        entries = np.concatenate([each.values.reshape(-1, 1, each.values.shape[2]) for each in groups])
         of_both, of_alone = np.arange(2 * degree + 2), np.arange(degree + 1)
         numbers = np.concatenate([np.repeat(number[one], len(of_both)), np.repeat(number[single], len(of_alone))])
         return _Conditions(Functionals(columns, entries, space.size), numbers, data)

@@ -43,20 +43,14 @@ def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
     return np.asarray(factorials[-1] / factorials[exponents(degree)].prod(axis=1) * powers.prod(axis=-1))
 
 
-@cache
-def _lowered(degree: int) -> FloatArray:
-    """Matrices from coefficients to those of ∂/∂λ_a for independent λ₀, λ₁, λ₂; (3, count of degree − 1, count)."""
-    fine, coarse = exponents(degree), exponents(degree - 1)
-    matrices = np.zeros((3, len(coarse), len(fine)))
-    for axis, unit in enumerate(np.eye(3, dtype=np.int64)):
-        row, column = np.nonzero((coarse[:, None] + unit == fine).all(axis=-1))
-        matrices[axis, row, column] = degree
-    return matrices
-
-
 def gradient(degree: int, slopes: FloatArray) -> FloatArray:
-    """Matrices from coefficients to those of ∂/∂x and ∂/∂y, (2, count of degree − 1, count); `slopes` is ∇λ (3, 2)."""
-    return np.asarray(np.einsum("ax,acf->xcf", slopes, _lowered(degree)))
+    """Matrices from coefficients to those of d derivatives, (d, count of degree − 1, count), of slopes ∇λ (3, d)."""
+    fine, coarse = exponents(degree), exponents(degree - 1)
+    matrices = np.zeros((slopes.shape[1], len(coarse), len(fine)))
+    for slope, unit in zip(slopes, np.eye(3, dtype=np.int64), strict=True):
+        row, column = np.nonzero((coarse[:, None] + unit == fine).all(axis=-1))
+        matrices[:, row, column] = degree * slope[:, None]
+    return matrices
 
 
 @cache

@@ -255,7 +255,15 @@ def masonry_wall(
     bed at the same load. A stack of single blocks of total height h tips at γ a²/h if it does not slide.
     """
     active, heads = _bond(whole_number("courses", courses, _MOST), 2 * whole_number("blocks", blocks, _MOST), openings)
-    mesh = _wall_mesh(active, heads)
+    rows, halves = active.shape
+    grid = TriangleMesh.grid(np.arange(halves + 1) * _BLOCK_LENGTH / 2.0, np.arange(rows + 1) * _COURSE_HEIGHT, active)
+    mesh = TriangleMesh(grid.vertices, grid.cells)  # without the names of sides
+    outside, (line, row) = mesh.topology.boundary, (mesh.midpoints / (_BLOCK_LENGTH / 2.0, _COURSE_HEIGHT)).T
+    half_block = np.minimum(row.astype(np.int64), rows - 1), line.astype(np.int64)
+    masks = {"beds": ~outside & (row % 1.0 == 0.0), "heads": ~outside & (line % 1.0 == 0.0) & heads[half_block]}
+    masks |= {"ground": outside & (row == 0.0), "windward": outside & (line == 0.0), "top": outside & (row == rows)}
+    masks["free"] = outside & ~np.any(list(masks.values()), axis=0)
+    mesh = _with_names(mesh, masks)
     joints = [Contact(name, friction, cohesion=cohesion) for name in ("ground", *mesh.joint_names)]
     loads: list[Condition] = [
         Traction("windward", x=finite_number("wind", wind), y=0.0, name="wind"),
@@ -286,19 +294,6 @@ def _bond(courses: int, halves: int, openings: Sequence[Opening]) -> tuple[BoolA
         is_head[top, left : right + 1] = False
         is_head[top, [left - 1, right + 1]] = True
     return is_active, is_head
-
-
-def _wall_mesh(active: BoolArray, heads: BoolArray) -> TriangleMesh:
-    """The mesh of a wall, two triangles for each half block, with joints and named sides."""
-    rows, halves = active.shape
-    grid = TriangleMesh.grid(np.arange(halves + 1) * _BLOCK_LENGTH / 2.0, np.arange(rows + 1) * _COURSE_HEIGHT, active)
-    mesh = TriangleMesh(grid.vertices, grid.cells)
-    outside, (line, row) = mesh.topology.boundary, (mesh.midpoints / (_BLOCK_LENGTH / 2.0, _COURSE_HEIGHT)).T
-    half_block = np.minimum(row.astype(np.int64), rows - 1), line.astype(np.int64)
-    masks = {"beds": ~outside & (row % 1.0 == 0.0), "heads": ~outside & (line % 1.0 == 0.0) & heads[half_block]}
-    masks |= {"ground": outside & (row == 0.0), "windward": outside & (line == 0.0), "top": outside & (row == rows)}
-    masks["free"] = outside & ~np.any(list(masks.values()), axis=0)
-    return _with_names(mesh, masks)
 
 
 def _with_names(mesh: TriangleMesh, named: dict[str, BoolArray]) -> TriangleMesh:

@@ -230,7 +230,7 @@ def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
     Of several longest edges of equal length one halved edge is enough. If none of them is halved, or more than one,
     all three edges are halved: else the numbers of the vertices would choose one.
     """
-    sides, lengths = mesh.topology.of_cells, _lengths(mesh)
+    sides, lengths = mesh.topology.of_cells, mesh.chords[mesh.topology.of_cells]
     is_halved = np.zeros(len(mesh.topology.ends), dtype=bool)
     is_halved[sides[marked]] = True
     is_longest = lengths >= (1.0 - _EQUAL) * lengths.max(axis=1, keepdims=True)
@@ -240,12 +240,6 @@ def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
         to_halve = np.where(is_alone, is_longest, (halved_sides & is_longest).sum(axis=1, keepdims=True) != 1)
         is_halved[sides[to_halve & halved_sides.any(axis=1, keepdims=True)]] = True
     return _halved(mesh, np.flatnonzero(is_halved))
-
-
-def _lengths(mesh: MeshParts) -> FloatArray:
-    """Lengths (m, 3) of the sides of the triangles."""
-    first, second = mesh.vertices[mesh.topology.ends].swapaxes(0, 1)
-    return np.asarray(np.sqrt(np.square(first - second).sum(axis=1))[mesh.topology.of_cells])
 
 
 def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
@@ -268,10 +262,8 @@ def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
     count = (sides >= 0).sum(axis=1)
     one_or_two, all_three = (count == 1) | (count == 2), count == 3
     # the longest halved side; of two equal ones the next counterclockwise after the third side
-    lengths, (first, second) = (
-        np.where(sides >= 0, _lengths(mesh), -1.0),
-        np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1),
-    )
+    lengths = np.where(sides >= 0, mesh.chords[topology.of_cells], -1.0)
+    first, second = np.diff(mesh.vertices[mesh.cells], axis=1).swapaxes(0, 1)
     are_equal = (lengths >= (1.0 - _EQUAL) * lengths.max(axis=1, keepdims=True)).sum(axis=1) == 2
     after = (lengths.argmin(axis=1) + np.where(cross(first, second) > 0.0, 1, 2)) % 3
     rotation = np.where(one_or_two, np.where(are_equal, after, lengths.argmax(axis=1)), 0)[:, None] + np.arange(3)

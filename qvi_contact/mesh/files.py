@@ -17,7 +17,7 @@ import io
 import re
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import redirect_stderr
+from contextlib import contextmanager, redirect_stderr
 from importlib import import_module
 from itertools import groupby
 from pathlib import Path
@@ -85,37 +85,46 @@ def _refused(path: Path, remedy: str) -> InputError:
 
 
 def _read(path: Path) -> MeshParts:
-    """The mesh in a file, with points (n, 2 or 3) and cells (m, 4), where triangles have their last corner twice.
-
-    Every failure is an `InputError`. Pipes and devices, which may block, are not opened.
-    """
+    """The mesh in a file, with points (n, 2 or 3) and cells (m, 4), where triangles have their last corner twice."""
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
         raise _refused(path, f"give a file with one of the endings {', '.join(_FORMATS)}")
-    stderr = io.StringIO()  # meshio prints its errors
+    with reading("mesh", path) as source:
+        size = path.stat().st_size
+        if size > _MAX_BYTES:
+            raise _refused(path, f"holds more than {_MAX_BYTES} bytes, the limit: give a coarser mesh")
+        if reader == "gmsh":
+            mesh = _GmshFile(source, size).read()
+        elif reader == "abaqus":
+            mesh = _AbaqusFile(path).read()
+        else:
+            mesh = _named_cells(import_module(f"meshio.{reader}").read(path))
+    return mesh
+
+
+@contextmanager
+def reading(field: str, path: Path) -> Iterator[BinaryIO]:
+    """The open file; every failure within is an `InputError` about the field.
+
+    Pipes and devices, which may block, are not opened. What meshio prints is a part of the message.
+    """
+    stderr = io.StringIO()
     try:
         with open_regular(path) as source, warnings.catch_warnings(), redirect_stderr(stderr):
             warnings.simplefilter("ignore")
-            size = path.stat().st_size
-            if size > _MAX_BYTES:
-                raise _refused(path, f"holds more than {_MAX_BYTES} bytes, the limit: give a coarser mesh")
-            if reader == "gmsh":
-                return _GmshFile(source, size).read()
-            if reader == "abaqus":
-                return _AbaqusFile(path).read()
-            return _named_cells(import_module(f"meshio.{reader}").read(path))
+            yield source
     except InputError as error:
-        raise _refused(path, error.remedy) from error
+        raise InputError(field, str(path), error.remedy) from error
     except FileNotFoundError as error:
-        raise _refused(path, "there is no such file: correct its name or folder") from error
+        raise InputError(field, str(path), "there is no such file: correct its name or folder") from error
     except ImportError as error:
-        needed = "meshio h5py" if reader == "med" else "meshio"
+        needed = "meshio h5py" if path.suffix.lower() == ".med" else "meshio"
         remedy = f"these files need {needed.replace(' ', ' and ')}: python -m pip install {needed}"
-        raise _refused(path, remedy) from error
-    except Exception as error:  # readers fail on broken files in many ways
+        raise InputError(field, str(path), remedy) from error
+    except (Exception, SystemExit) as error:  # readers fail on broken files in many ways
         reason = " ".join(f"{getattr(error, 'strerror', None) or error} {stderr.getvalue()}".split())
         reason = reason or type(error).__name__
-        raise _refused(path, f"cannot be read as {reader} ({reason}): write the mesh again") from error
+        raise InputError(field, str(path), f"cannot be read ({reason}): write the file again") from error
 
 
 def _named_cells(file: Any) -> MeshParts:

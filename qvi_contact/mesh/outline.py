@@ -163,9 +163,12 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
         raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
     points, sizes = np.concatenate([*divisions, [corners[-1].at]]), np.repeat(corner_sizes, [*counts, 1])
     names = np.repeat(np.array([corner.name for corner in corners[:-1]], dtype=object), counts)
-    centres = [(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[:-1]]
-    ends = np.arange(len(names))[:, None] + [0, 1]
-    return Polygon(points[ends], names, sizes[ends], np.repeat(centres, counts, axis=0))
+    centres = np.array([(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[:-1]])
+    ends, centres = np.arange(len(names))[:, None] + [0, 1], np.repeat(centres, counts, axis=0)
+    if closed and cross(*(points[ends] - points[0]).swapaxes(0, 1)).sum() < 0.0:
+        # counterclockwise, as gmsh loses surfaces that inner lines cut if a hole has the other sense than the outside
+        ends, names, centres = ends[::-1, ::-1], names[::-1], centres[::-1]
+    return Polygon(points[ends], names, sizes[ends], centres)
 
 
 def _division(name: str, corner: Corner, next_corner: Corner, size: float) -> FloatArray:

@@ -530,17 +530,6 @@ class TriangleMesh(MeshParts, PicklesFields):
         """
         return TriangleMesh(*cutting.fanned(self, vertices, angle, layers).given)
 
-    def _vertices_at(self, places: FloatArray) -> IntArray:
-        """The vertices at places (k, 2) [length]; `InputError` at a place without a vertex or at the end of an arc."""
-        distance = np.hypot(*(places[:, None] - self.vertices).T)  # (n, k)
-        nearest = np.asarray(np.argmin(distance, axis=0), dtype=np.int64)
-        on_arc = np.isin(nearest, self.topology.ends[self.bends.any(axis=1)])
-        is_wrong = on_arc | (distance.min(axis=0) > _VERTEX_TOLERANCE * np.ptp(self.vertices, axis=0).max())
-        if is_wrong.any():
-            x, y = places[np.argmax(is_wrong)].tolist()
-            raise InputError("points", (x, y), "give vertices of the mesh where no arc ends, or leave out `ratio`")
-        return nearest
-
     def graded(self, points: ArrayLike, depth: int | Sequence[int], *, ratio: float | None = None) -> TriangleMesh:
         """The same body with smaller triangles at points (k, 2), in `depth` steps, a number or one for each point.
 
@@ -570,7 +559,13 @@ class TriangleMesh(MeshParts, PicklesFields):
         if ratio is not None:
             if positive_number("ratio", ratio) >= 1.0:
                 raise InputError("ratio", ratio, "give a number below 1")
-            vertices = self._vertices_at(places)
+            distance = np.hypot(*(places[:, None] - self.vertices).T)  # (n, k)
+            vertices = np.asarray(np.argmin(distance, axis=0), dtype=np.int64)
+            on_arc = np.isin(vertices, self.topology.ends[self.bends.any(axis=1)])
+            is_wrong = on_arc | (distance.min(axis=0) > _VERTEX_TOLERANCE * np.ptp(self.vertices, axis=0).max())
+            if is_wrong.any():
+                x, y = places[np.argmax(is_wrong)].tolist()
+                raise InputError("points", (x, y), "give vertices of the mesh where no arc ends, or leave out `ratio`")
         for level in range(int(steps.max(initial=0))):
             try:
                 if ratio is None:

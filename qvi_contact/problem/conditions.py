@@ -44,8 +44,7 @@ LOCAL: Final = ("normal", "tangential")
 
 def components(condition: Traction | Displacement) -> dict[str, Field]:
     """The components that a condition gives, by name: "x", "y" or "normal", "tangential"."""
-    values = {name: getattr(condition, name) for name in (*CARTESIAN, *LOCAL)}
-    return {name: value for name, value in values.items() if value is not None}
+    return {name: value for name in (*CARTESIAN, *LOCAL) if (value := getattr(condition, name)) is not None}
 
 
 class _ByComponents(Checked):

@@ -5,10 +5,8 @@ from __future__ import annotations
 import ast
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import redirect_stderr
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
-from io import StringIO
 from itertools import zip_longest
 from pathlib import Path
 from types import MappingProxyType
@@ -18,12 +16,12 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate, finite_number, real_array
-from qvi_contact.basics.writing import given_path, open_regular
+from qvi_contact.basics.writing import given_path
 from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import Edges, rounding_along
-from qvi_contact.mesh.files import corners_of, triangles_of
+from qvi_contact.mesh.files import corners_of, reading, triangles_of
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import PicklesFields, load
 from solvers.errors import known_name
@@ -253,15 +251,9 @@ class PointData:
         Quadrilaterals are cut into two triangles. `InputError` if meshio is missing, the file cannot be read, or it has
         no triangles and quadrilaterals, or no data of that name with one number per point.
         """
-        path, stderr, meshio = given_path("file", path), StringIO(), load("meshio")
-        try:
-            with open_regular(path), redirect_stderr(stderr):
-                file: Any = meshio.read(path)
-        except FileNotFoundError as error:
-            raise InputError("file", str(path), "there is no such file: correct its name or folder") from error
-        except (Exception, SystemExit) as error:  # readers of meshio fail on broken files in many ways
-            reason = " ".join(f"{error} {stderr.getvalue()}".split()) or type(error).__name__
-            raise InputError("file", str(path), f"cannot be read ({reason}): write the file again") from error
+        path = given_path("file", path)
+        with reading("file", path):
+            file: Any = load("meshio").read(path)
         data = file.point_data[known_name("data", name, {"point data": file.point_data})]
         cells = triangles_of(file.points[:, :2], corners_of(file.cells))[0]
         if not len(cells) or np.ndim(data) != 1:

@@ -1,6 +1,7 @@
 """Initial strain: temperature, shrinkage and prestress, in stresses, displacements and bounds."""
 
 import json
+import sys
 from dataclasses import replace
 from functools import partial
 
@@ -244,19 +245,15 @@ def test_what_cannot_be_meant_is_refused():
         assert " ".join(solve(ContactProblem(mesh, material, FREE, temperature=10.0)).remarks).count("expan") == told
 
 
-def test_a_temperature_by_values_at_points(tmp_path, shell):
+def test_a_temperature_by_values_at_points(tmp_path, shell, monkeypatch):
     """Linear between them: on the vertices of the problem and of another mesh, in a file, beside chords of arcs."""
     meshio = pytest.importorskip("meshio")
     mesh, x, y = TriangleMesh.rectangle((5, 3), 2.0, 1.0), np.array([0.1, 1.7]), np.array([0.3, 0.9])
     hot = 10.0 + 20.0 * mesh.vertices[:, 0] - 7.0 * mesh.vertices[:, 1]
     field = PointData(mesh, hot)
     assert field(x, y) == pytest.approx(10.0 + 20.0 * x - 7.0 * y)
-    meshio.write_points_cells(
-        tmp_path / "hot.vtu",
-        np.pad(mesh.vertices, [(0, 0), (0, 1)]),
-        {"quad": [[0, 1, 7, 6]], "triangle": mesh.cells[2:]},
-        {"T": hot},
-    )
+    cells = {"quad": [[0, 1, 7, 6]], "triangle": mesh.cells[2:]}
+    meshio.write_points_cells(tmp_path / "hot.vtu", np.pad(mesh.vertices, [(0, 0), (0, 1)]), cells, {"T": hot})
     (tmp_path / "problem.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "T" }'))
     problem = load_problem(tmp_path / "problem.toml").problem
     assert problem.temperature(x, y) == pytest.approx(field(x, y))
@@ -266,6 +263,9 @@ def test_a_temperature_by_values_at_points(tmp_path, shell):
         (tmp_path / "wrong.toml").write_text(FILE.replace('"dT * x * t"', f'{{ file = "{file}", data = "{data}" }}'))
         with pytest.raises(InputError, match=words):
             load_problem(tmp_path / "wrong.toml")
+    monkeypatch.setitem(sys.modules, "meshio", None)
+    with pytest.raises(InputError, match="pip install meshio"):
+        PointData.load(tmp_path / "hot.vtu", "T")
     with pytest.raises(InputError, match="outside"):
         field(np.array([9.0]), np.array([0.0]))
     ring = quarter(2, 3, arcs=False)
