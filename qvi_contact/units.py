@@ -1,7 +1,7 @@
 """How numbers are shown: names of their units, which are never converted; rounding as 0; certainty of bounds."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar, Final
@@ -95,6 +95,9 @@ class Units:
 SHARE: Final = 1e-9
 """Size of a number, relative to the units of its problem, up to which it is rounding."""
 
+LEAST_SHOWN: Final = 1e-6
+"""Size of a number, relative to larger ones of its kind beside it, up to which it is shown as 0: no mesh is better."""
+
 
 class Certainty(StrEnum):
     """Whether a bound or error is an estimate or guaranteed."""
@@ -106,6 +109,9 @@ class Certainty(StrEnum):
 def shown(value: float, least: float = 0.0, digits: int = 6) -> str:
     """The text of a number with `digits` significant digits; "0" if it is at most `least` in size."""
     return "0" if abs(value) <= least else f"{value:.{digits}g}"
+
+
+_COMPARED: Final = {"moment": "force", "rotation": "displacement"}
 
 
 @dataclass(frozen=True)
@@ -134,6 +140,22 @@ class Rounding:
             rotation=share * displacement / length,
             energy=share * stress * displacement * length,
         )
+
+    def cleaned(self, numbers: Sequence[float], kinds: Iterable[str]) -> list[float]:
+        """The numbers in one row of a table; `kinds` has a field of this class for each.
+
+        A number is 0 up to its rounding, and up to `LEAST_SHOWN` of the largest number beside it. Forces are compared
+        with moments, and displacements with rotations, through the unit of length.
+        """
+        least = [(getattr(self, kind), _COMPARED.get(kind, kind)) for kind in kinds]
+        sizes = [abs(value) / (unit or 1.0) for value, (unit, _) in zip(numbers, least, strict=True)]
+        largest = dict[str, float]()
+        for size, (_, kind) in zip(sizes, least, strict=True):
+            largest[kind] = max(largest.get(kind, 0.0), size)
+        return [
+            value * (size > max(unit > 0.0, LEAST_SHOWN * largest[kind]))
+            for value, size, (unit, kind) in zip(numbers, sizes, least, strict=True)
+        ]
 
     @classmethod
     def largest(cls, roundings: Iterable["Rounding"]) -> "Rounding":

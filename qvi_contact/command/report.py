@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import product
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 STATES = [state.name.lower() for state in ContactState]
 FORCES = {name: SUMMARY[name] for name in ("normal_force", "tangential_force")}
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
+_NUMBER = re.compile(r"\d[\d.e+-]*(?![^()]*\))")  # other than places, which stand in parentheses
 _HIDDEN = ("kind", "edges", "length", "joint")  # keys of conditions that their line shows elsewhere
 _ELASTIC = ("young", "poisson", "plane", "cells")  # keys of materials that every line shows
 
@@ -105,11 +107,12 @@ class Series(NamedTuple):
             rounding = Rounding.largest(step.rounding for step in steps)
             dissipated = shown(float(self.results.dissipated.sum()), rounding.energy)
             yield f"energy lost in friction: {dissipated} {units.energy}"
-        first_value = dict[str, float]()
+        first_remarks = dict[str, str]()  # a remark whose numbers alone change is given once
         for value, step in zip(self.values, steps, strict=False):
-            first_value |= {remark: value for remark in step.remarks if remark not in first_value}
-        first = f"remark, first at {self.label}{self.owners}"
-        yield from (f"{first} = {at:g}: {units.filled(remark)}" for remark, at in first_value.items())
+            first = f"remark, first at {self.label}{self.owners} = {value:g}: "
+            for remark in step.remarks:
+                first_remarks.setdefault(_NUMBER.sub("", remark), first + units.filled(remark))
+        yield from first_remarks.values()
         yield self.results.message
 
     def tables(self, units: Units) -> Iterator[Titled]:
@@ -159,8 +162,9 @@ def with_units(labels: Iterable[str], columns: Mapping[str, str], units: Units) 
 def cells(
     numbers: Mapping[str, float] | None, columns: Mapping[str, str], least: Rounding, digits: int = 6
 ) -> list[str]:
-    """The numbers of these columns as texts, with rounding noise as 0; an empty list without numbers."""
-    return [] if numbers is None else [shown(numbers[name], getattr(least, of), digits) for name, of in columns.items()]
+    """The numbers of these columns as texts, see `Rounding.cleaned`; an empty list without numbers."""
+    cleaned = least.cleaned([numbers[name] for name in columns], columns.values()) if numbers is not None else []
+    return [shown(value, digits=digits) for value in cleaned]
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
@@ -198,7 +202,10 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
             yield f"{name}: " + ", ".join(f"{key} = {value}" for key, value in outline[name].items())
     times = outline["times"]
     if times:
-        yield f"history: {len(times)} steps, t between {min(times):g} and {max(times):g}"
+        yield (
+            f"history: {len(times)} steps, t between {min(times):g} and {max(times):g}; the data above are those at "
+            f"t = {times[0]:g}"
+        )
     if outline["sweep"]:
         values = outline["sweep"]["values"]
         yield f"sweep: {outline['sweep']['parameter']}, {len(values)} values from {min(values):g} to {max(values):g}"

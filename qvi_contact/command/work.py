@@ -27,7 +27,7 @@ from qvi_contact.basics.writing import check_suffix, check_writable, identity, o
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.errors import InputError
-from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, load_problem
+from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, evenly, load_problem
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import PARAMETERS, RefineOptions, Settings
@@ -424,7 +424,7 @@ def _with_settings(file: ProblemFile, assignments: Sequence[str]) -> tuple[Probl
             if not colon:
                 values = tuple(float(part) for part in value_list.split(","))
             elif int(count) <= _MOST_VALUES:
-                values = tuple(np.linspace(float(start), float(stop), int(count)).tolist())
+                values = evenly(float(start), float(stop), int(count))
         if not (separator and parameter and values):
             remedy = (
                 "write friction=0.1,0.2,0.3 (or load, gap, offset, a constant of the file), friction=0.1:0.3:21 for 21 "

@@ -150,10 +150,9 @@ class ContactLine:
 
     @property
     def forces(self) -> tuple[float, float]:
-        """Normal and tangential force [stress × length]; 0 where they are rounding."""
-        normal, tangential = self.normal_force, self.tangential_force
-        least = self.rounding.force
-        return normal * (abs(normal) > least), tangential * (abs(tangential) > least)
+        """Normal and tangential force [stress × length]; 0 where they are too small to be shown."""
+        normal, tangential = self.rounding.cleaned((self.normal_force, self.tangential_force), ("force", "force"))
+        return normal, tangential
 
     @property
     def shown_forces(self) -> tuple[str, str]:

@@ -29,7 +29,7 @@ from qvi_contact.solution.stress import (
     stress_rounding,
     traction,
 )
-from qvi_contact.units import SHARE, Rounding, Units
+from qvi_contact.units import LEAST_SHOWN, SHARE, Rounding, Units
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.certificate.feasibility import AdmissibleRows
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from qvi_contact.refinement.measure import Side
     from qvi_contact.solution.remarks import UndeterminedMotion
 
-_LEAST_SHOWN: Final = 1e-6  # numbers above this share of the result's units are shown, however bad the certificate is
 
 PLATE_COLUMNS: Final = {
     "moved_x": "displacement", "moved_y": "displacement", "rotation": "rotation", "force_x": "force",
@@ -295,7 +294,7 @@ class ContactResult(PicklesFields):
         """
         scales, certified, accuracy = self.discretization.scales, self.certificate.scales, self.certificate.accuracy
         stress, displacement = (max(1.0, certified.get(name, 0.0)) for name in ("stress", "displacement"))
-        share = min(max(SHARE, accuracy), _LEAST_SHOWN) if np.isfinite(accuracy) else _LEAST_SHOWN
+        share = min(max(SHARE, accuracy), LEAST_SHOWN) if np.isfinite(accuracy) else LEAST_SHOWN
         return Rounding.of(stress * scales.stress, displacement * scales.displacement, scales.length, share)
 
     @cached_property
