@@ -8,9 +8,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 
-from qvi_contact import TriangleMesh
+from qvi_contact import TriangleMesh, solve
 from qvi_contact.gallery import sliding_block
-from qvi_contact.plots import draw_problem, draw_symbols, problem_figure, runs, value_range
+from qvi_contact.plots import draw_problem, draw_symbols, problem_figure, result_figure, runs, value_range
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
 from tests.qvi_contact.builders import polygon
@@ -192,4 +192,17 @@ def test_names_do_not_cover_each_other():
     )
     figure.draw_without_rendering()
     assert len(figure.axes[0].texts) == 4
+    assert not covered(figure.axes[0])
+
+
+def test_forces_of_layers_in_one_line_have_names_beside_each_other():
+    x, y = np.linspace(0.0, 60.0, 7), np.linspace(0.0, 18.0, 4)
+    mesh = TriangleMesh.grid(
+        x, y, joints={name: ((0.0, at), (60.0, at)) for name, at in (("low", 6.0), ("high", 12.0))}
+    )
+    contacts = [Contact(name, 0.5) for name in ("bottom", "low", "high")]
+    loads = [Traction(side, x=0.0, y=load) for side, load in (("left", 0.0), ("right", 0.0), ("top", -5.0))]
+    figure = result_figure(solve(ContactProblem(mesh, Material(1e4, 0.3), [*contacts, *loads])))
+    figure.draw_without_rendering()
+    assert len(figure.axes[0].texts) == 3
     assert not covered(figure.axes[0])
