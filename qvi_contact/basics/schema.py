@@ -15,6 +15,7 @@ from __future__ import annotations
 import ast
 import inspect
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
@@ -480,6 +481,19 @@ class Checked:
                 object.__setattr__(self, name, each.kind.check(f"{kind.__name__}.{name}", value))
             if each.like and not value:
                 object.__setattr__(self, name, getattr(self, each.like))
+
+
+class WithFields:
+    """The docstring of a class, set below it, that `help` shows: its text, and the texts of the fields."""
+
+    def __init__(self, kind: type) -> None:
+        self.text = inspect.cleandoc(kind.__doc__ or "")
+
+    def __get__(self, _instance: object, kind: type) -> str:
+        entries = (f"{name}: {text}" for name, text in described(kind).items())
+        return "\n\n".join(
+            [self.text, "Fields\n------", *(textwrap.fill(each, 100, subsequent_indent="    ") for each in entries)]
+        )
 
 
 @_cached
