@@ -274,7 +274,9 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
         solving(problem_file.title or "safety", verbose=verbose),
     ):
         settings = {name: options.get(name) for name in OPTIONS}
-        factor = strength_reduction_factor(problem_file.problem, of=list(of) or None, accuracy=accuracy, **settings)
+        factor = strength_reduction_factor(
+            problem_file.problem, of=list(of) or None, accuracy=accuracy, verbose=verbose, **settings
+        )
     above = f"divided by {factor.upper:.6g} they carry them on no mesh" if factor.upper < math.inf else "no bound above"
     line = f"strengths divided by {factor.lower:.6g} carry the loads on this mesh; {above}"
     late = "The time limit ended the search: both bounds hold, but more time would bring them closer."
@@ -552,7 +554,8 @@ def _write_all(
         "vtk": fields,
     }
     stateless = {} if result.has_state else dict.fromkeys(("vtk", "npz"), "there is no stress state to write to")
-    return _write_files(targets, writers, stateless)
+    with solving(f"{file.title or 'solve'}: files"):  # bounds for a page may take longer than the answer
+        return _write_files(targets, writers, stateless)
 
 
 def _write_files(
