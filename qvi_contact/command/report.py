@@ -48,7 +48,7 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         yield summary
     lines = result.contacts.values()
     states = [state for state in STATES if any(state in line.shares for line in lines)]
-    rows = [[line.name, *line.shown_forces, *shares(line.shares, states)] for line in lines]
+    rows = [[line.name, *map(shown, line.forces), *shares(line.shares, states)] for line in lines]
     force = units.force
     if rows:
         yield ""
@@ -202,10 +202,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
             yield f"{name}: " + ", ".join(f"{key} = {value}" for key, value in outline[name].items())
     times = outline["times"]
     if times:
-        yield (
-            f"history: {len(times)} steps, t between {min(times):g} and {max(times):g}; the data above are those at "
-            f"t = {times[0]:g}"
-        )
+        yield f"history: {len(times)} steps, t between {min(times):g} and {max(times):g}; shown at t = {times[0]:g}"
     if outline["sweep"]:
         values = outline["sweep"]["values"]
         yield f"sweep: {outline['sweep']['parameter']}, {len(values)} values from {min(values):g} to {max(values):g}"
@@ -391,7 +388,10 @@ def outline(file: ProblemFile, arguments: Mapping[str, Any]) -> tuple[ContactPro
         "element": export.element_of(discretization),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
-        "materials": [_material(problem, number, int(count)) for number, count in enumerate(counts)],
+        "materials": [
+            write_table("material", stated, _written) | {"plane": problem.material.plane, "cells": int(count)}
+            for stated, count in zip((problem.material, *problem.regions), counts, strict=True)
+        ],
         "temperature": _written("temperature", problem.temperature),
         "boundary": [_condition(problem, condition) for condition in problem.conditions],
         "whole": [name for name in mesh.joint_names if name not in {each.edges for each in problem.contacts}],
@@ -411,12 +411,6 @@ def _written(_path: str, value: Any) -> Any:
     if isinstance(value, PointData):
         return f"values at {len(value.values)} points"
     return value.text if isinstance(value, Expression) else value
-
-
-def _material(problem: ContactProblem, number: int, cells: int) -> dict[str, Any]:
-    """The material of the body, number 0, or of a region, with the number of its cells."""
-    stated = problem.regions[number - 1] if number else problem.material
-    return write_table("material", stated, _written) | {"plane": problem.material.plane, "cells": cells}
 
 
 def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from qvi_contact.element.edge import SAMPLES, gauss_legendre, legendre_basis, le
 from qvi_contact.mesh.edges import Edges, chains, cross, points_back
 from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.solution.stress import normal_and_shear
-from qvi_contact.units import Rounding, Units, shown
+from qvi_contact.units import Rounding, Units
 from solvers import QVISolution
 from solvers.basics.types import frame, load, pandas
 
@@ -155,12 +155,6 @@ class ContactLine:
         return normal, tangential
 
     @property
-    def shown_forces(self) -> tuple[str, str]:
-        """Normal and tangential force as texts."""
-        normal, tangential = map(shown, self.forces)
-        return normal, tangential
-
-    @property
     def points_per_edge(self) -> int:
         """Number of Gauss points on each edge."""
         return len(self.x) // len(self.ends)
@@ -214,8 +208,8 @@ class ContactLine:
 
     def __repr__(self) -> str:
         shares = ", ".join(f"{100.0 * share:.0f} % {state}" for state, share in self.shares.items() if share)
-        normal, tangential = self.shown_forces
-        return f"<ContactLine {self.name}: N = {normal}, T = {tangential}, {shares}>"
+        normal, tangential = self.forces
+        return f"<ContactLine {self.name}: N = {normal:.6g}, T = {tangential:.6g}, {shares}>"
 
     def _repr_html_(self) -> str:
         """Forces, extremes and states as a table, for notebooks."""

@@ -138,7 +138,7 @@ class ContactResult(PicklesFields):
     def __repr__(self) -> str:
         if not self.has_state:
             return f"<ContactResult {self.message}>"
-        forces = ("{} N = {}, T = {}".format(line.name, *line.shown_forces) for line in self.contacts.values())
+        forces = ("{} N = {:.6g}, T = {:.6g}".format(line.name, *line.forces) for line in self.contacts.values())
         certificate = "passed" if self.certificate.passed else "failed"
         accuracy = f"certificate {certificate} with {self.certificate.accuracy:.1e}"
         return f"<ContactResult {'; '.join([f'{self.status}, {accuracy}', *forces])}>"

@@ -185,7 +185,7 @@ def test_limit(shell, sliding):
     assert " those at t = 0, the first time" in shell("safety", cyclic, "--accuracy=0.5", "--json")[1]
     late = sliding.with_name("late.toml")
     late.write_text(sliding.read_text(encoding="utf-8") + "[history]\ntimes = [0.5, 2.0, -1.0]\n", encoding="utf-8")
-    assert "3 steps, t between -1 and 2; the data above are those at t = 0.5\n" in shell("check", late)[1]
+    assert "3 steps, t between -1 and 2; shown at t = 0.5\n" in shell("check", late)[1]
     assert "those at t = 0.5, the first" in shell("limit", late, "--proof", sliding.with_name("a.json"))[1]
     found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
     reached = found["status"], found["guaranteed"], found["rounds"], 0.0 <= found["estimate"] <= 1e-4
