@@ -15,7 +15,6 @@ from __future__ import annotations
 import ast
 import inspect
 import sys
-import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
@@ -490,10 +489,7 @@ class WithFields:
         self.text = inspect.cleandoc(kind.__doc__ or "")
 
     def __get__(self, _instance: object, kind: type) -> str:
-        entries = (f"{name}: {text}" for name, text in described(kind).items())
-        return "\n\n".join(
-            [self.text, "Fields\n------", *(textwrap.fill(each, 100, subsequent_indent="    ") for each in entries)]
-        )
+        return "\n\n".join([self.text, "Fields\n------", *map(": ".join, described(kind).items())])
 
 
 @_cached

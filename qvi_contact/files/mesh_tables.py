@@ -410,12 +410,9 @@ class _Place:
         if self.at is not None:
             kept &= middle[:, 1 - axis] == on_line("at", self.at, lines[1 - axis])
         if not kept.any():
-            ranges = {name: value for name in ("start", "stop", "at") if (value := getattr(self, name)) is not None}
-            given = ", ".join([facing, *(f"{name} = {value:g}" for name, value in ranges.items())])
-            remedy = (
-                f"no {'interior' if is_joint else 'boundary'} edge lies there: check side and range, from start to stop"
-            )
-            raise InputError(self.name, given, remedy)
+            where = "interior" if is_joint else "boundary"
+            given = {"side": facing, "start": self.start, "stop": self.stop, "at": self.at}
+            raise InputError(self.name, given, f"no {where} edge lies there: check side and range")
         return np.asarray(pairs[kept])
 
 

@@ -400,9 +400,7 @@ def strength_reduction_factor(
         log.begin({"strengths": ", ".join(sorted(chosen)), "accuracy": accuracy})
         carried, fallen = (_searched(spare, ends, side, math.log1p(accuracy)) for side in (0, 1))
         factor = StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]), not deadline.over)
-        log.end(
-            "solved", f"the loads are carried up to {factor.lower:.6g}, not beyond {factor.upper:.6g}", {}, solved=True
-        )
+        log.end("solved", f"carried up to {factor.lower:.6g}, not beyond {factor.upper:.6g}", {}, solved=True)
         return factor
 
 

@@ -347,8 +347,8 @@ def _loops(history: History, problem: ContactProblem) -> dict[str, _Loop]:
     for condition in supports if not loops else ():
         loops.setdefault(condition.edges, history.driven(condition.edges))
     least = Rounding.largest(step.rounding for step in history.steps if step.has_state) if loops else Rounding()
-    moved = {"rotation": least.rotation}
-    return {name: loop for name, loop in loops.items() if np.ptp(loop[1]) > moved.get(loop[0], least.displacement)}
+    rest = {"rotation": least.rotation}
+    return {name: loop for name, loop in loops.items() if np.ptp(loop[1]) > rest.get(loop[0], least.displacement)}
 
 
 _FIRST: Final[dict[str, Any]] = {"color": style.GREY, "marker": "s", "markersize": 7, "fillstyle": "none"}

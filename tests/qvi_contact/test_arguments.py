@@ -124,9 +124,8 @@ def test_unknown_options_of_limits_are_refused_as_those_of_solves(use):
 
 
 def test_help_has_the_texts_of_all_settings():
-    help_text = pydoc.plain(pydoc.render_doc(Settings))
-    assert "degree: Degree of the element, from 3 to 12" in help_text
-    assert all(f" |  {name}: " in help_text for name in Settings.__dataclass_fields__)
+    shown = pydoc.plain(pydoc.render_doc(Settings))
+    assert all(f" |  {name}: " in shown for name in Settings.__dataclass_fields__)
 
 
 def test_wrong_options_of_a_bracket_the_algebraic_solve_and_tables():

@@ -142,15 +142,8 @@ class TestWhatDrives:
         assert "top" in [axes.get_title() for axes in history_figure(history).axes]
         assert np.ptp(history.loop("top")[0]) > 0.0
 
-    @pytest.mark.parametrize("lean", [0.0, 0.2])  # of the right side, whose edges then slant
-    def test_what_is_moved_across_its_edges_has_a_loop(self, lean):
-        def dragged(u):
-            flat = TriangleMesh.rectangle((4, 2), WIDTH, HEIGHT)
-            x, y = flat.vertices.T
-            mesh = TriangleMesh(np.column_stack([x + lean * x * y, y]), flat.cells, flat.edge_sets)
-            return ContactProblem(mesh, Material(YOUNG, 0.0), dragged_block(u).conditions)
-
-        history = solve_history([dragged(u) for u in self.path])
+    def test_what_is_moved_across_its_edges_has_a_loop(self):
+        history = solve_history([dragged_block(u) for u in self.path])
         assert history.status is Status.SOLVED
         with pytest.raises(InputError, match="'right'"):
             history.loop("ground")
