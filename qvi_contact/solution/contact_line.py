@@ -19,7 +19,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
 from qvi_contact.element.edge import SAMPLES, gauss_legendre, legendre_basis, legendre_from_values
 from qvi_contact.mesh.edges import Edges, chains, cross, points_back
-from qvi_contact.problem.conditions import is_frictionless
+from qvi_contact.problem.conditions import bears_shear
 from qvi_contact.solution.stress import normal_and_shear
 from qvi_contact.units import Rounding, Units
 from solvers import QVISolution
@@ -283,7 +283,7 @@ def contact_line(
     gap = (m_N + points.weights * rows.beyond) / points.weights
     slip = -(m_T / points.weights)
     bound = rows.bound(effective)
-    frictionless = is_frictionless(discretization.problem.contacts[number])
+    frictionless = rows.law != "tied" and not bears_shear(discretization.problem.contacts[number])
     may_open = rows.law == "unilateral"
     excess = pull = 0.0  # largest (|σ_T| − bound)⁺ and (σ_N')⁺ along the contact, dimensionless
     if rows.law != "tied":
