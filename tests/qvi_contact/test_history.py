@@ -142,17 +142,6 @@ class TestWhatDrives:
         assert "top" in [axes.get_title() for axes in history_figure(history).axes]
         assert np.ptp(history.loop("top")[0]) > 0.0
 
-    def test_what_is_moved_across_its_edges_has_a_loop(self):
-        history = solve_history([dragged_block(u) for u in self.path])
-        assert history.status is Status.SOLVED
-        with pytest.raises(InputError, match="'right'"):
-            history.loop("ground")
-        displacement, force = history.loop("right")
-        assert displacement == pytest.approx(self.path)
-        ground = [step.contacts["ground"].tangential_force for step in history.steps]
-        assert force == pytest.approx(-np.array(ground), abs=1e-6)  # nothing else acts along x
-        assert loop_area(displacement, force) > 0.0
-
     @pytest.mark.parametrize("way", [(1.0, 0.0), (0.6, 0.8), (0.0, 1.0)])
     def test_a_slanted_side_has_the_loop_of_its_whole_motion(self, way):
         """It had that of x alone."""
