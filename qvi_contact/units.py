@@ -95,7 +95,7 @@ class Units:
 SHARE: Final = 1e-9
 """Size of a number, relative to the units of its problem, up to which it is rounding."""
 
-LEAST_SHOWN: Final = 1e-6
+LEAST_SHOWN: Final = 1e-5
 """Size of a number, relative to larger ones of its kind beside it, up to which it is shown as 0: no mesh is better."""
 
 
