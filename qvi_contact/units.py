@@ -1,7 +1,7 @@
 """How numbers are shown: names of their units, which are never converted; rounding as 0; certainty of bounds."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar, Final
@@ -95,6 +95,9 @@ class Units:
 SHARE: Final = 1e-9
 """Size of a number, relative to the units of its problem, up to which it is rounding."""
 
+LEAST_SHOWN: Final = 1e-5
+"""Size of a number, relative to larger ones of its kind beside it, up to which it is shown as 0: no mesh is better."""
+
 
 class Certainty(StrEnum):
     """Whether a bound or error is an estimate or guaranteed."""
@@ -106,6 +109,9 @@ class Certainty(StrEnum):
 def shown(value: float, least: float = 0.0, digits: int = 6) -> str:
     """The text of a number with `digits` significant digits; "0" if it is at most `least` in size."""
     return "0" if abs(value) <= least else f"{value:.{digits}g}"
+
+
+_COMPARED: Final = {"moment": "force", "rotation": "displacement"}
 
 
 @dataclass(frozen=True)
@@ -126,14 +132,20 @@ class Rounding:
     @classmethod
     def of(cls, stress: float, displacement: float, length: float, share: float = SHARE) -> "Rounding":
         """The fraction `share` of the units from S, D and L."""
-        return cls(
-            stress=share * stress,
-            displacement=share * displacement,
-            force=share * stress * length,
-            moment=share * stress * length**2,
-            rotation=share * displacement / length,
-            energy=share * stress * displacement * length,
-        )
+        force, rotation = share * stress * length, share * displacement / length
+        return cls(share * stress, share * displacement, force, force * length, rotation, force * displacement)
+
+    def cleaned(self, numbers: Sequence[float], kinds: Collection[str]) -> list[float]:
+        """The numbers in one row of a table; `kinds` has a field of this class for each.
+
+        A number is 0 up to its rounding, and up to `LEAST_SHOWN` of the largest number beside it. Forces are compared
+        with moments, and displacements with rotations, through the unit of length.
+        """
+        least, group = [getattr(self, kind) for kind in kinds], [_COMPARED.get(kind, kind) for kind in kinds]
+        sizes = [abs(value) / (unit or 1.0) for value, unit in zip(numbers, least, strict=True)]
+        largest = {kind: max(size for size, other in zip(sizes, group, strict=True) if other == kind) for kind in group}
+        limits = [max(unit > 0.0, LEAST_SHOWN * largest[kind]) for unit, kind in zip(least, group, strict=True)]
+        return [0.0 if size <= limit else value for value, size, limit in zip(numbers, sizes, limits, strict=True)]
 
     @classmethod
     def largest(cls, roundings: Iterable["Rounding"]) -> "Rounding":

@@ -25,8 +25,7 @@ from qvi_contact.discretization.loads import traction_data
 from qvi_contact.errors import InputError
 from qvi_contact.export import field_arrays
 from qvi_contact.files.archive import OWN, STORE, Archive, answer_arrays, json_ready, result_from_archive
-from qvi_contact.problem.conditions import Traction, is_frictionless
-from qvi_contact.solution.contact_line import ContactState
+from qvi_contact.problem.conditions import Traction
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers import Certificate, FrictionQVI, Status, certify
@@ -157,7 +156,6 @@ _CLAIM_TOLERANCE: Final = 0.1  # excess of a measure over its claimed value, in 
 _SCALE_TOLERANCE: Final = 1e-6  # relative difference of scales
 _SOFT_SCALES: Final = 0.3  # of scales with the contact's stiffness, which depended on rounding in earlier files
 _BOUND_FACTOR: Final = 10.0  # × tolerance: the fixed point may store the friction bound of its last iteration
-_BETWEEN_POINTS: Final = 1e-3  # relative to the largest traction: error of samples between points
 _NAMES_SHOWN: Final = 5  # in a sentence
 
 _GROUPS: Final = {
@@ -369,17 +367,11 @@ def _agreements(claims: Mapping[str, Any], remade: ContactResult) -> Iterator[Ch
         f"Not as expected: {listed}.",
     )  # fmt: skip
     worst: dict[str, tuple[float, str]] = {}  # by group: the largest difference and its field
-    frictionless = {f"{contact.name}.state" for contact in remade.problem.contacts if is_frictionless(contact)}
     for name in (name for name in computed_fields if name in claims):
         claimed, computed = np.asarray(claims[name]), np.asarray(computed_fields[name])
         contact, _, field = name.rpartition(".")
         group, quantity = _GROUPS.get(field, ("tractions", "stress"))
         unit, rounding = units[quantity]
-        if name in frictionless:  # older files have stick and slip
-            claimed = np.where(claimed > ContactState.OPEN, ContactState.CLOSED, ContactState.OPEN)
-        if field.endswith("_between_points") and claimed.dtype.kind == "f":  # largest sample in older files
-            close = claimed <= computed + _BETWEEN_POINTS * unit
-            claimed = np.where((claimed > computed) & close, computed, claimed)
         if quantity == "length" and claimed.shape == computed.shape and claimed.dtype.kind == "f":
             coordinates = remade.problem.mesh.vertices[:, int(field.endswith("y"))]  # taken from their minimum
             corner, rounding = coordinates.min(), _COORDINATE_ROUNDING * float(np.abs(coordinates).max())

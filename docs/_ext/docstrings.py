@@ -224,7 +224,8 @@ def _share_texts(documented: type) -> None:
 
 
 def _process(_app: Sphinx, _what: str, _name: str, _obj: Any, _options: Any, lines: list[str]) -> None:
-    lines[:] = restructured(lines)
+    end = lines.index("Fields") if "Fields" in lines else len(lines)  # for `help`: members have their own texts here
+    lines[:] = restructured(lines[:end])
 
 
 def _signature(

@@ -481,6 +481,16 @@ class Checked:
                 object.__setattr__(self, name, getattr(self, each.like))
 
 
+class WithFields:
+    """The docstring of a class, set below it, that `help` shows: its text, and the texts of the fields."""
+
+    def __init__(self, kind: type) -> None:
+        self.text = inspect.cleandoc(kind.__doc__ or "")
+
+    def __get__(self, _instance: object, kind: type) -> str:
+        return "\n\n".join([self.text, "Fields\n------", *map(": ".join, described(kind).items())])
+
+
 @_cached
 def described(kind: type) -> dict[str, str]:
     """The texts below the fields of a class and of its base classes; the text below `in_files` is that of its key.

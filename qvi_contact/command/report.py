@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import product
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 STATES = [state.name.lower() for state in ContactState]
 FORCES = {name: SUMMARY[name] for name in ("normal_force", "tangential_force")}
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
+_NUMBER = re.compile(r"\d[\d.e+-]*(?![^()]*\))")  # other than places, which stand in parentheses
 _HIDDEN = ("kind", "edges", "length", "joint")  # keys of conditions that their line shows elsewhere
 _ELASTIC = ("young", "poisson", "plane", "cells")  # keys of materials that every line shows
 
@@ -46,7 +48,7 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         yield summary
     lines = result.contacts.values()
     states = [state for state in STATES if any(state in line.shares for line in lines)]
-    rows = [[line.name, *line.shown_forces, *shares(line.shares, states)] for line in lines]
+    rows = [[line.name, *map(shown, line.forces), *shares(line.shares, states)] for line in lines]
     force = units.force
     if rows:
         yield ""
@@ -105,11 +107,12 @@ class Series(NamedTuple):
             rounding = Rounding.largest(step.rounding for step in steps)
             dissipated = shown(float(self.results.dissipated.sum()), rounding.energy)
             yield f"energy lost in friction: {dissipated} {units.energy}"
-        first_value = dict[str, float]()
+        first_remarks = dict[str, str]()  # a remark whose numbers alone change is given once
         for value, step in zip(self.values, steps, strict=False):
-            first_value |= {remark: value for remark in step.remarks if remark not in first_value}
-        first = f"remark, first at {self.label}{self.owners}"
-        yield from (f"{first} = {at:g}: {units.filled(remark)}" for remark, at in first_value.items())
+            first = f"remark, first at {self.label}{self.owners} = {value:g}: "
+            for remark in step.remarks:
+                first_remarks.setdefault(_NUMBER.sub("", remark), first + units.filled(remark))
+        yield from first_remarks.values()
         yield self.results.message
 
     def tables(self, units: Units) -> Iterator[Titled]:
@@ -159,8 +162,9 @@ def with_units(labels: Iterable[str], columns: Mapping[str, str], units: Units) 
 def cells(
     numbers: Mapping[str, float] | None, columns: Mapping[str, str], least: Rounding, digits: int = 6
 ) -> list[str]:
-    """The numbers of these columns as texts, with rounding noise as 0; an empty list without numbers."""
-    return [] if numbers is None else [shown(numbers[name], getattr(least, of), digits) for name, of in columns.items()]
+    """The numbers of these columns as texts, see `Rounding.cleaned`; an empty list without numbers."""
+    cleaned = least.cleaned([numbers[name] for name in columns], columns.values()) if numbers is not None else []
+    return [shown(value, digits=digits) for value in cleaned]
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
@@ -198,7 +202,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
             yield f"{name}: " + ", ".join(f"{key} = {value}" for key, value in outline[name].items())
     times = outline["times"]
     if times:
-        yield f"history: {len(times)} steps, t between {min(times):g} and {max(times):g}"
+        yield f"history: {len(times)} steps, t between {min(times):g} and {max(times):g}; shown at t = {times[0]:g}"
     if outline["sweep"]:
         values = outline["sweep"]["values"]
         yield f"sweep: {outline['sweep']['parameter']}, {len(values)} values from {min(values):g} to {max(values):g}"
@@ -378,7 +382,10 @@ def outline(file: ProblemFile, arguments: Mapping[str, Any]) -> tuple[ContactPro
         "element": export.element_of(discretization),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
-        "materials": [_material(problem, number, int(count)) for number, count in enumerate(counts)],
+        "materials": [
+            write_table("material", stated, _written) | {"plane": problem.material.plane, "cells": int(count)}
+            for stated, count in zip((problem.material, *problem.regions), counts, strict=True)
+        ],
         "temperature": _written("temperature", problem.temperature),
         "boundary": [_condition(problem, condition) for condition in problem.conditions],
         "whole": [name for name in mesh.joint_names if name not in {each.edges for each in problem.contacts}],
@@ -398,12 +405,6 @@ def _written(_path: str, value: Any) -> Any:
     if isinstance(value, PointData):
         return f"values at {len(value.values)} points"
     return value.text if isinstance(value, Expression) else value
-
-
-def _material(problem: ContactProblem, number: int, cells: int) -> dict[str, Any]:
-    """The material of the body, number 0, or of a region, with the number of its cells."""
-    stated = problem.regions[number - 1] if number else problem.material
-    return write_table("material", stated, _written) | {"plane": problem.material.plane, "cells": cells}
 
 
 def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:

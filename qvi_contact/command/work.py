@@ -27,7 +27,7 @@ from qvi_contact.basics.writing import check_suffix, check_writable, identity, o
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.errors import InputError
-from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, load_problem
+from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, evenly, load_problem
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import PARAMETERS, RefineOptions, Settings
@@ -277,7 +277,9 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
         solving(problem_file.title or "safety", verbose=verbose),
     ):
         settings = {name: options.get(name) for name in OPTIONS}
-        factor = strength_reduction_factor(problem_file.problem, of=list(of) or None, accuracy=accuracy, **settings)
+        factor = strength_reduction_factor(
+            problem_file.problem, of=list(of) or None, accuracy=accuracy, verbose=verbose, **settings
+        )
     above = f"divided by {factor.upper:.6g} they carry them on no mesh" if factor.upper < math.inf else "no bound above"
     line = f"strengths divided by {factor.lower:.6g} carry the loads on this mesh; {above}"
     late = "The time limit ended the search: both bounds hold, but more time would bring them closer."
@@ -427,7 +429,7 @@ def _with_settings(file: ProblemFile, assignments: Sequence[str]) -> tuple[Probl
             if not colon:
                 values = tuple(float(part) for part in value_list.split(","))
             elif int(count) <= _MOST_VALUES:
-                values = tuple(np.linspace(float(start), float(stop), int(count)).tolist())
+                values = evenly(float(start), float(stop), int(count))
         if not (separator and parameter and values):
             remedy = (
                 "write friction=0.1,0.2,0.3 (or load, gap, offset, a constant of the file), friction=0.1:0.3:21 for 21 "
@@ -557,7 +559,8 @@ def _write_all(
         "vtk": fields,
     }
     stateless = {} if result.has_state else dict.fromkeys(("vtk", "npz"), "there is no stress state to write to")
-    return _write_files(targets, writers, stateless)
+    with solving(f"{file.title or 'solve'}: files"):  # bounds for a page may take longer than the answer
+        return _write_files(targets, writers, stateless)
 
 
 def _write_files(

@@ -410,7 +410,8 @@ class _Place:
         if self.at is not None:
             kept &= middle[:, 1 - axis] == on_line("at", self.at, lines[1 - axis])
         if not kept.any():
-            where, given = "interior" if is_joint else "boundary", (facing, self.start, self.stop, self.at)
+            where = "interior" if is_joint else "boundary"
+            given = {"side": facing, "start": self.start, "stop": self.stop, "at": self.at}
             raise InputError(self.name, given, f"no {where} edge lies there: check side and range")
         return np.asarray(pairs[kept])
 

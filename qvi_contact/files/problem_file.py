@@ -77,6 +77,11 @@ class TimeRange:
     """Number of equal steps between them: `steps = 20`."""
 
 
+def evenly(start: float, stop: float, count: int) -> tuple[float, ...]:
+    """Numbers from start to stop, both included, at equal distances; 15 digits, so that 0.15 has no rounding error."""
+    return tuple(float(f"{value:.15g}") for value in np.linspace(start, stop, count))
+
+
 class Values(schema.Kind):
     """Numbers, at least one, as a list or a range."""
 
@@ -86,7 +91,7 @@ class Values(schema.Kind):
         """All numbers of the list or range."""
         if isinstance(value, dict):
             time_range = schema.read_table(TimeRange, value, reader)
-            return tuple(np.linspace(time_range.start, time_range.stop, time_range.steps + 1).tolist())
+            return evenly(time_range.start, time_range.stop, time_range.steps + 1)
         if not isinstance(value, list):
             raise InputError("", value, "give a list of numbers, or { start = 0.0, stop = 1.0, steps = 10 }")
         return schema.Listed(schema.FINITE, 1, _MOST_STEPS).read(value, reader)

@@ -348,6 +348,7 @@ def strength_reduction_factor(
     accuracy: float = 1e-3,
     degree: int | None = None,
     time_limit: float | None = None,
+    verbose: bool = False,
     **unknown: Any,
 ) -> StrengthReduction:
     """The factor by which strengths may be divided until the loads are just carried, from both sides.
@@ -364,8 +365,9 @@ def strength_reduction_factor(
         Contacts and regions whose strengths are divided, "body" for the body's own material; all by default.
     accuracy : float
         Relative width at which the searches for both sides end, below 1.
-    degree, time_limit, **unknown
-        As for `limit_load_factor`. At the time limit the searches end with the bounds that they have.
+    degree, time_limit, verbose, **unknown
+        As for `limit_load_factor`; `verbose` prints both limits at each factor. At the time limit the searches end with
+        the bounds that they have.
 
     Raises
     ------
@@ -375,7 +377,7 @@ def strength_reduction_factor(
         If a program is not solved, or not even the first one in time.
 
     """
-    refuse_arguments(unknown, ("of", "accuracy", *OPTIONS))
+    refuse_arguments(unknown, ("of", "accuracy", "verbose", *OPTIONS))
     instance_of(ContactProblem, "problem", problem)
     if not positive_number("accuracy", accuracy) < 1.0:
         raise InputError("accuracy", accuracy, "give a relative width below 1, such as 1e-3")
@@ -393,6 +395,7 @@ def strength_reduction_factor(
                 raise SolveError("limit load: the time limit was reached")
             limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), all_loads, degree).limit
             limits[u] = limit.lower, limit.upper
+            log.line(math.exp(u), *limits[u])
         share = limits[u][side]
         return max(math.log(min(share, _MOST)), _LEAST) if share >= 1.0 else math.log(max(share, 1.0 / _MOST))
 
@@ -402,9 +405,14 @@ def strength_reduction_factor(
         largest = max((u for u, carried in is_carried.items() if carried), default=-math.inf)
         return largest, min((u for u, carried in is_carried.items() if not carried), default=math.inf)
 
-    with deadline(time_limit):
+    columns = {"divided by": ">12.6g", "lower limit": ">12.6g", "upper limit": ">12.6g"}
+    title = f"qvi_contact {__version__}: strength_reduction_factor"
+    with deadline(time_limit), Log(title, verbose, columns, iterations=False) as log:
+        log.begin({"strengths": ", ".join(sorted(chosen)), "accuracy": accuracy})
         carried, fallen = (_searched(spare, ends, side, math.log1p(accuracy)) for side in (0, 1))
-        return StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]), not deadline.over)
+        factor = StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]), not deadline.over)
+        log.end("solved", f"carried up to {factor.lower:.6g}, not beyond {factor.upper:.6g}", {}, solved=True)
+        return factor
 
 
 def _searched(

@@ -227,11 +227,16 @@ class Line:
             marks = _between(edges, np.linspace(0.0, 1.0, 2 if arc else _PIECES + 1))
             pieces = np.stack([marks[:, :-1].ravel(), marks[:, 1:].ravel()], axis=1)
             s = _between(pieces, np.linspace(0.0, 1.0, _SAMPLES + 1))
-            values = evaluate("Contact.friction", mu, *frame(s.ravel())[0].T, minimum=0.0).reshape(s.shape)
+            values: FloatArray = evaluate("Contact.friction", mu, *frame(s.ravel())[0].T, minimum=0.0).reshape(s.shape)
             if not arc:
                 places, index = np.unique(pieces.ravel(), return_inverse=True)
                 friction = np.zeros(len(places))
-                np.maximum.at(friction, index, _above(values, capped).ravel())
+                # of affine functions not below the samples of a piece, the raised chord, or a constant
+                ends, largest = values[:, [0, -1]], values.max(axis=1)[:, None]
+                chord = ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, values.shape[1])
+                lift = np.maximum(values - chord, 0.0).max(axis=1)[:, None]
+                flat = capped | (lift > 0.25 * np.abs(np.diff(ends, axis=1)))  # or samples have a jump or a hump
+                np.maximum.at(friction, index, np.where(flat, largest, ends + lift).ravel())
                 return cls(contact, bodies, frame, edges, arc, places, friction)
             mu = float(values.max())
         count = _CAPPED_PIECES if capped and mu else 1
@@ -440,12 +445,3 @@ def _chord(vertices: FloatArray, edges: Edges) -> tuple[Frame, FloatArray]:
         return start + s[:, None] * tangent, np.tile(normal, (len(s), 1)), np.tile(tangent, (len(s), 1))
 
     return frame, ((ends - start) @ tangent).reshape(2, -1).T
-
-
-def _above(values: FloatArray, constant: BoolArray | bool) -> FloatArray:
-    """End values (n, 2) of affine functions not below samples (n, q): the raised chord, or constants if `constant`."""
-    ends, largest = values[:, [0, -1]], values.max(axis=1)[:, None]
-    chord = ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, values.shape[1])
-    lift = np.maximum(values - chord, 0.0).max(axis=1)[:, None]
-    flat = constant | (lift > 0.25 * np.abs(np.diff(ends, axis=1)))  # or where samples have a jump or a hump
-    return np.asarray(np.where(flat, largest, ends + lift))

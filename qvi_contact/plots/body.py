@@ -483,8 +483,9 @@ def _resultants(
         text = f"{line.name}: {number} {units.force}"
         if line.eccentricity > _CENTRAL * (line.s[-1] - line.s[0]):
             text += f"\ne = {beside([line.eccentricity], 3)[0]} {units.length}"
-        side = np.array([-back[1], back[0]])
-        written.append(write(axes, text, [(tail + 0.015 * length * to, alignment(to)) for to in (back, side, -side)]))
+        side, middle = np.array([-back[1], back[0]]), (tail + centre) / 2.0
+        spots = [(tail, back), (tail, side), (tail, -side), (middle, side), (middle, -side)]
+        written.append(write(axes, text, [(at + 0.015 * length * to, alignment(to)) for at, to in spots]))
     return np.concatenate(ends), written
 
 

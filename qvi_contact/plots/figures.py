@@ -24,7 +24,7 @@ from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.units import Units
+from qvi_contact.units import Rounding, Units
 from solvers import Status
 
 if TYPE_CHECKING:
@@ -340,7 +340,7 @@ def _loops(history: History, problem: ContactProblem) -> dict[str, _Loop]:
     """Loops of contacts that move, and of edge sets whose tangential displacement is prescribed.
 
     If there are none, loops of all edge sets with a prescribed displacement. A loop whose displacement never changes,
-    as under loads alone, is left out.
+    but for rounding, as under loads alone, is left out.
     """
     supports = [condition for condition in problem.conditions if isinstance(condition, Displacement)]
     driven_edges = []
@@ -354,7 +354,9 @@ def _loops(history: History, problem: ContactProblem) -> dict[str, _Loop]:
             loops.setdefault(name, history.driven(name))
     for condition in supports if not loops else ():
         loops.setdefault(condition.edges, history.driven(condition.edges))
-    return {name: loop for name, loop in loops.items() if np.ptp(loop[1]) > 0.0}
+    least = Rounding.largest(step.rounding for step in history.steps if step.has_state) if loops else Rounding()
+    rest = {"rotation": least.rotation}
+    return {name: loop for name, loop in loops.items() if np.ptp(loop[1]) > rest.get(loop[0], least.displacement)}
 
 
 _FIRST: Final[dict[str, Any]] = {"color": style.GREY, "marker": "s", "markersize": 7, "fillstyle": "none"}

@@ -335,11 +335,6 @@ def has_coulomb(contact: Contact) -> bool:
     return contact.law != "tied" and not shear_free and acts(contact.friction)
 
 
-def is_frictionless(contact: Contact) -> bool:
-    """Whether a contact that is not tied carries no shear."""
-    return contact.law != "tied" and not bears_shear(contact)
-
-
 def bears_shear(contact: Contact) -> bool:
     """Whether a contact that is not tied has friction or cohesion."""
     return contact.law != "tied" and (acts(contact.friction) or acts(contact.cohesion))

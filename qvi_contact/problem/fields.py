@@ -42,8 +42,18 @@ FUNCTIONS: Final[Mapping[str, Any]] = MappingProxyType(
 
 _ARGUMENTS: Final = {"hypot": 2, "min": 2, "max": 2, "where": 3}  # all others take one
 
-_OPERATORS: Final = {
-    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
+_CANCELLED: Final = 8.0 * np.finfo(float).eps  # size of a sum, relative to its terms, up to which it is rounding
+
+
+def _sum(one: Any, other: Any) -> Any:
+    """The sum of two terms, 0 if it is rounding."""
+    value = np.add(one, other)
+    return np.where(np.abs(value) <= _CANCELLED * np.abs(one), 0.0, value)
+
+
+_OPERATORS: Final[Mapping[type, Any]] = {
+    ast.Add: _sum, ast.Sub: lambda one, other: _sum(one, np.negative(other)),
+    ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
     ast.USub: np.negative, ast.UAdd: np.positive,
     ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
 }  # fmt: skip
@@ -120,7 +130,8 @@ class Expression:
 
     Its variables are x, y [length] and t (pseudo-time of a load history); constants have names, and ``pi`` is always
     known. An expression consists of numbers, these names, + - * / **, comparisons and the `FUNCTIONS`. Anything else is
-    refused, so an expression never runs code. `InputError` for any other text names the part that is wrong.
+    refused, so an expression never runs code. `InputError` for any other text names the part that is wrong. A sum that
+    is the rounding of its terms is 0, such as 0.3 - 0.1 * x at x = 3.
     """
 
     text: str

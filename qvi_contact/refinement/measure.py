@@ -228,7 +228,7 @@ _SAME: Final = 1e-4  # relative difference up to which these extrapolated deriva
 def derivative(result: ContactResult, quantity: str, parameter: str, side: Side | None = None) -> float:
     """See `ContactResult.derivative`."""
     if not result.certificate.passed:
-        raise InputError("result", result.status.value, "derivatives need a solved result")
+        raise InputError("result", result.status.value, "has no derivatives: give a solved result")
     _check_side(side)
     measure = Measure.of(result.problem, quantity)
     at_point = measure.point and measure.kind in ("xx", "yy", "xy", "slip")
@@ -395,7 +395,9 @@ class LimitFactor:
         """
         analysis = LimitProblem.of(problem, checked_loads(problem, self.loads))
         if both_signs(analysis.low).any():
-            raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
+            raise InputError(
+                "problem", "bilateral", "the friction of bilateral contacts has no derivative: leave it out"
+            )
         _check_side(side)
         datum = _datum(problem, analysis.low.scales, parameter, limit=True)
         unit = datum.unit
@@ -409,9 +411,8 @@ class LimitFactor:
             base, next_program = program(step), program(step + _NEXT)
             answer = base.solve()
             if isinstance(answer, str):
-                raise InputError(
-                    "loads", ", ".join(analysis.names), "there is no finite limit load here: it has no derivative"
-                )
+                remedy = "have no finite limit, and no derivative of it: name loads that are limited"
+                raise InputError("loads", ", ".join(analysis.names), remedy)
             value = float(base.q @ answer.x)
             if not abs(value + float(base.b @ answer.multipliers)) <= _CLOSED * abs(value):
                 remedy = "the solver does not find its multipliers; compare factors of limit_load_factor at two values"

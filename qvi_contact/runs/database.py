@@ -64,7 +64,11 @@ class Database:
         A new file gets its name only when it has its tables, and the rows that `fill` writes into them.
         """
         writable_folder(path.parent, "store")
-        with self._locked(path):
+        target = path.resolve()
+        lock = target.with_name(f"{target.name}.lock")  # the file itself need not exist yet
+        with self.explained(path), closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as locked:
+            locked.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
+            locked.execute("BEGIN EXCLUSIVE")
             rows = None
             if path.exists():
                 with self.opened(path) as connection:
@@ -135,16 +139,6 @@ class Database:
     def damaged(self, path: Path) -> InputError:
         """The error about a damaged file."""
         return InputError("store", str(path), _REMEDIES[sqlite3.SQLITE_CORRUPT])
-
-    @contextmanager
-    def _locked(self, path: Path) -> Iterator[None]:
-        """Lock a file, which need not exist yet, for all other runs."""
-        target = path.resolve()
-        lock = target.with_name(f"{target.name}.lock")
-        with self.explained(path), closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
-            connection.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
-            connection.execute("BEGIN EXCLUSIVE")
-            yield
 
     @property
     def _not_one(self) -> str:

@@ -54,7 +54,11 @@ def main(link: int, lifeline: int | None) -> None:
 def _serve(channel: Any) -> None:
     """Receive limits, the job, and then orders; send the answers that `Process.hear` expects."""
     try:
-        limit_memory(*pickle.loads(channel.recv_bytes()))
+        (mebibytes,) = pickle.loads(channel.recv_bytes())
+        if mebibytes is not None and sys.platform != "win32":  # of the address space of this process and its children
+            _, hard = resource.getrlimit(resource.RLIMIT_AS)
+            limit = mebibytes << 20 if hard == resource.RLIM_INFINITY else min(mebibytes << 20, hard)
+            resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
         about, work = pickle.loads(channel.recv_bytes())()
         gc.freeze()  # excludes imported modules from garbage collection, which would take longer than a small case
     except EOFError:
@@ -102,15 +106,6 @@ def of_exception(error: BaseException) -> tuple[str, str]:
 def names_shortage(text: str) -> bool:
     """Whether a message of a library says that memory could not be allocated."""
     return any(word in text for word in SHORTAGE)
-
-
-def limit_memory(mebibytes: int | None) -> None:
-    """Limit the address space of this process and of its children; not possible on Windows."""
-    if mebibytes is not None and sys.platform != "win32":
-        _, hard = resource.getrlimit(resource.RLIMIT_AS)
-        limit = mebibytes << 20
-        limit = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
-        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
 def end_group() -> None:

@@ -16,12 +16,12 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import ContactRows, physical
+from qvi_contact.discretization.loads import physical
 from qvi_contact.element.edge import SAMPLES, gauss_legendre, legendre_basis, legendre_from_values
 from qvi_contact.mesh.edges import Edges, chains, cross, points_back
-from qvi_contact.problem.conditions import is_frictionless
+from qvi_contact.problem.conditions import bears_shear
 from qvi_contact.solution.stress import normal_and_shear
-from qvi_contact.units import Rounding, Units, shown
+from qvi_contact.units import Rounding, Units
 from solvers import QVISolution
 from solvers.basics.types import frame, load, pandas
 
@@ -150,15 +150,8 @@ class ContactLine:
 
     @property
     def forces(self) -> tuple[float, float]:
-        """Normal and tangential force [stress × length]; 0 where they are rounding."""
-        normal, tangential = self.normal_force, self.tangential_force
-        least = self.rounding.force
-        return normal * (abs(normal) > least), tangential * (abs(tangential) > least)
-
-    @property
-    def shown_forces(self) -> tuple[str, str]:
-        """Normal and tangential force as texts."""
-        normal, tangential = map(shown, self.forces)
+        """Normal and tangential force [stress × length]; 0 where they are too small to be shown."""
+        normal, tangential = self.rounding.cleaned((self.normal_force, self.tangential_force), ("force", "force"))
         return normal, tangential
 
     @property
@@ -215,8 +208,8 @@ class ContactLine:
 
     def __repr__(self) -> str:
         shares = ", ".join(f"{100.0 * share:.0f} % {state}" for state, share in self.shares.items() if share)
-        normal, tangential = self.shown_forces
-        return f"<ContactLine {self.name}: N = {normal}, T = {tangential}, {shares}>"
+        normal, tangential = self.forces
+        return f"<ContactLine {self.name}: N = {normal:.6g}, T = {tangential:.6g}, {shares}>"
 
     def _repr_html_(self) -> str:
         """Forces, extremes and states as a table, for notebooks."""
@@ -290,9 +283,20 @@ def contact_line(
     gap = (m_N + points.weights * rows.beyond) / points.weights
     slip = -(m_T / points.weights)
     bound = rows.bound(effective)
-    frictionless = is_frictionless(discretization.problem.contacts[number])
+    frictionless = rows.law != "tied" and not bears_shear(discretization.problem.contacts[number])
     may_open = rows.law == "unilateral"
-    excess, pull = between_points(rows, effective, tangential)
+    excess = pull = 0.0  # largest (|σ_T| − bound)⁺ and (σ_N')⁺ along the contact, dimensionless
+    if rows.law != "tied":
+        count, capped = points.count, bool(np.isfinite(rows.limits.cap).all())
+        t = np.concatenate([[0.0], SAMPLES, [1.0]])
+        to_samples = (legendre_basis(count - 1, t) @ legendre_from_values(count - 1, count)).T
+        fields = effective, tangential, *rows.limits[: 2 + capped]
+        tension, shear, friction, cohesion, *caps = (part.reshape(-1, count) @ to_samples for part in fields)
+        bound_there = cohesion + friction * (np.maximum(-tension, 0.0) if may_open else np.abs(tension))
+        bound_there = np.minimum(bound_there, caps[0]) if capped else bound_there
+        # interpolated limits may be negative, a bound is not
+        excess = float((np.abs(shear) - np.maximum(bound_there, 0.0)).max(initial=0.0))
+        pull = float(tension.max(initial=0.0)) if may_open else 0.0
     return ContactLine(
         name=rows.name,
         x=x,
@@ -315,24 +319,6 @@ def contact_line(
         frictionless=frictionless,
         senses=turning_senses(mesh.vertices, edges),
     )
-
-
-def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray) -> tuple[float, float]:
-    """Largest (|σ_T| − bound)⁺ and (σ_N')⁺ along a contact, from σ_N' and σ_T at its Gauss points (m,), dimensionless.
-
-    The bound is that of the pressure there; tension on a unilateral contact is no pressure. Both are 0 if tied.
-    """
-    if rows.law == "tied":
-        return 0.0, 0.0
-    bilateral, count, capped = rows.law != "unilateral", rows.points.count, bool(np.isfinite(rows.limits.cap).all())
-    t = np.concatenate([[0.0], SAMPLES, [1.0]])
-    to_samples = (legendre_basis(count - 1, t) @ legendre_from_values(count - 1, count)).T
-    fields = normal, tangential, *rows.limits[: 2 + capped]
-    tension, shear, friction, cohesion, *caps = (part.reshape(-1, count) @ to_samples for part in fields)
-    bound = cohesion + friction * (np.abs(tension) if bilateral else np.maximum(-tension, 0.0))
-    bound = np.minimum(bound, caps[0]) if capped else bound
-    excess = np.abs(shear) - np.maximum(bound, 0.0)  # interpolated limits may be negative, a bound is not
-    return float(excess.max(initial=0.0)), 0.0 if bilateral else float(tension.max(initial=0.0))
 
 
 # The order of a contact's edges and points along the lines that they form, and lengths along these lines.

@@ -26,7 +26,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, laws_vary
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import centre_of, cross
+from qvi_contact.mesh.edges import centre_of, cross, points_back
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, run_digest
@@ -129,9 +129,9 @@ class History:
 
         `name` is that of a contact, or of an edge set with a prescribed displacement. The obstacle of a contact moves
         along the tangent by its mean offset, and by the motion of its plate at the contact's centre. An edge set moves
-        along the tangent, or along x or y if nothing moves along the tangent. On an arc the tangent turns, and the
-        force is the sum of its components along the motion. A plate that also moves normally or turns does more work
-        than this loop shows. For a plate on edges that face several ways, such as a pin, the loop is that of the
+        along the line of its motion, or else along its tangent; along x or y if it turns. On an arc the tangent turns,
+        and the force is the sum of its components along the motion. A plate that also moves normally or turns does more
+        work than this loop shows. For a plate on edges that face several ways, such as a pin, the loop is that of the
         component x, y or rotation with the most work; rotation and moment are [rad] and [stress × length²].
 
         `InputError` if there is no such contact or edge set, or if the obstacle is at rest while displacements
@@ -164,13 +164,20 @@ class History:
         return list(steps[0])[most], displacement, force
 
     def _of_support(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
+        """The loop of an edge set with a prescribed displacement, along the line of its motion or the tangent."""
         steps = [_of_support(step, name) for step in self._states]
         components = [component for component in steps[0] if all(component in each for each in steps)]
-        loops = [np.array([each[component] for each in steps]).T for component in components]
+        loops = {component: np.array([each[component] for each in steps]).T for component in components}
         if not loops:
             raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
-        displacement, force = next((loop for loop in loops if np.ptp(loop[0]) > 0.0), loops[0])
+        displacement, force = next((loop for loop in loops.values() if np.ptp(loop[0]) > 0.0), loops[components[0]])
+        if {"x", "y"} <= loops.keys():
+            both, edges = np.stack([loops["x"], loops["y"]]), self._states[0].problem.mesh.edges(name)
+            ways, lengths, _ = np.linalg.svd(both[:, 0] - both[:, 0, :1])
+            tangents, is_line = edges.tangent, lengths[1:].max(initial=0.0) <= _PARALLEL * lengths[0]
+            if is_line or not (edges.curved or np.abs(cross(tangents, tangents[0])).max() > _PARALLEL):
+                way = ways[:, 0] if is_line and lengths[0] > 0.0 else tangents[0]
+                displacement, force = np.tensordot(-way if points_back(way[None])[0] else way, both, 1)
         return displacement, force
 
     @property

@@ -33,6 +33,7 @@ _LARGE_STRAIN: Final = 0.05  # strain above which the theory of small strains is
 _LARGE_FRICTION: Final = 1.0  # friction above which a remark is made; several solutions are known from 2 on
 _EXCESS: Final = 1e-2  # excess of friction between points over the contact's largest traction, allowed without remark
 _EDGES_IN_CONTACT: Final = 4  # least number of edges that resolve a contact zone on an arc
+_FLAT: Final = 1e-6  # distance of gaps from a linear function over their range, above which an obstacle is curved
 _YIELDS: Final = 1e-6  # excess of the strength over the unit of stress, above which the body yields
 
 
@@ -138,13 +139,15 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
     for rows in result.discretization.contacts:
         line, edges = result.contacts[rows.name], rows.points.edges
         touches = (line.state != ContactState.OPEN).reshape(len(edges), -1)
-        in_contact = edges.take(touches.any(axis=1) & edges.bent)
+        plane = np.column_stack([np.ones(len(line.x)), line.x, line.y])
+        off_plane = np.abs(rows.gap - plane @ np.linalg.lstsq(plane, rows.gap)[0]).max(initial=0.0)
+        in_contact = edges.take(touches.any(axis=1) & (edges.bent | (off_plane > _FLAT * np.ptp(rows.gap))))
         count = len(in_contact) * (2 if np.isin(edge_ends(in_contact), mirrored).any() else 1)  # with the mirrored half
         if not touches.all() and 0 < count < _EDGES_IN_CONTACT:
             x, y = (part[touches.ravel()].mean() for part in (line.x, line.y))
             yield (
-                f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on fewer than {_EDGES_IN_CONTACT} edges of "
-                f"its arc ({count}). The pressure there is not resolved. Refine the mesh there until "
+                f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on fewer than {_EDGES_IN_CONTACT} edges "
+                f"({count}). The pressure there is not resolved. Refine the mesh there until "
                 f"{_EDGES_IN_CONTACT} edges or more touch, as by graded([(x, y)], 2)."
             )
     for name, line in result.contacts.items():

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from qvi_contact.refinement.measure import Side
     from qvi_contact.solution.remarks import UndeterminedMotion
 
-_LEAST_SHOWN: Final = 1e-6  # numbers above this share of the result's units are shown, however bad the certificate is
 
 PLATE_COLUMNS: Final = {
     "moved_x": "displacement", "moved_y": "displacement", "rotation": "rotation", "force_x": "force",
@@ -54,6 +53,7 @@ RESULTANT: Final = {"x": "force", "y": "force", "moment": "moment"}
 """Fields of a `Resultant` and their `Units`."""
 
 _WITH_PLATE: Final = "contacts with a plate or pin"
+_MOST_ROUNDING: Final = 1e-6  # share of the units of a result that counts as rounding, however bad its certificate
 _SHARE = 1e-3
 """Share of all multipliers of a proof of infeasibility above which a contact is named in the reason."""
 
@@ -139,7 +139,7 @@ class ContactResult(PicklesFields):
     def __repr__(self) -> str:
         if not self.has_state:
             return f"<ContactResult {self.message}>"
-        forces = ("{} N = {}, T = {}".format(line.name, *line.shown_forces) for line in self.contacts.values())
+        forces = ("{} N = {:.6g}, T = {:.6g}".format(line.name, *line.forces) for line in self.contacts.values())
         certificate = "passed" if self.certificate.passed else "failed"
         accuracy = f"certificate {certificate} with {self.certificate.accuracy:.1e}"
         return f"<ContactResult {'; '.join([f'{self.status}, {accuracy}', *forces])}>"
@@ -295,7 +295,7 @@ class ContactResult(PicklesFields):
         """
         scales, certified, accuracy = self.discretization.scales, self.certificate.scales, self.certificate.accuracy
         stress, displacement = (max(1.0, certified.get(name, 0.0)) for name in ("stress", "displacement"))
-        share = min(max(SHARE, accuracy), _LEAST_SHOWN) if np.isfinite(accuracy) else _LEAST_SHOWN
+        share = min(max(SHARE, accuracy), _MOST_ROUNDING) if np.isfinite(accuracy) else _MOST_ROUNDING
         return Rounding.of(stress * scales.stress, displacement * scales.displacement, scales.length, share)
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
-from qvi_contact.basics.schema import Inline
+from qvi_contact.basics.schema import Inline, WithFields
 from qvi_contact.errors import InputError
 from solvers.settings import CondensedOptions, FixedPointOptions, UzawaOptions
 from solvers.settings import Settings as Method
@@ -24,7 +24,7 @@ class Settings(Method):
 
     All functions that solve accept these settings, or fields and options of the method as keyword arguments:
     ``solve(problem, degree=5)`` is ``solve(problem, Settings(degree=5))``, and ``solve(problem, settings, degree=5)``
-    changes one field. `qvi-contact keys solve` explains the fields that problem files have too.
+    changes one field.
 
     Raises
     ------
@@ -67,6 +67,9 @@ class Settings(Method):
         names = ("degree", "law_on", "method", "inner", "tolerance", "factorisation", "initial")
         changed = {name: value for name in names if (value := getattr(self, name)) is not getattr(type(self), name)}
         return {**changed, **self.options}
+
+
+Settings.__doc__ = WithFields(Settings)  # type: ignore[assignment]
 
 
 def pressures(initial: object) -> Any:

@@ -333,7 +333,7 @@ class SweepTask:
             limit = load("qvi_contact.limit.load_factor")  # which commands that solve once need not load
             chosen = limit.checked_loads(problem, limit.loads_of(problem) if names is None else names, "of")
         elif not known:
-            raise InputError("parameter", parameter, "the problem has no contact that could open or slip")
+            raise InputError("parameter", parameter, "no contact could open or slip: sweep 'load'")
         elif names is None:
             chosen = tuple(known)
         else:

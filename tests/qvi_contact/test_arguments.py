@@ -1,5 +1,6 @@
 """What is no argument of a function ends in one line about the field, wherever it is given, before anything is done."""
 
+import pydoc
 import re
 import warnings
 from functools import cache
@@ -21,6 +22,7 @@ from qvi_contact import (
     Polynomial,
     QVIError,
     Region,
+    Settings,
     Symmetry,
     Traction,
     TriangleMesh,
@@ -119,6 +121,11 @@ def test_unknown_options_of_limits_are_refused_as_those_of_solves(use):
         refused(lambda value, option=option: use(*given, **{option: value}), wrong, option)
     with pytest.raises(InputError, match="did you mean 'degree'"):
         use(*given, degre=5)
+
+
+def test_help_has_the_texts_of_all_settings():
+    shown = pydoc.plain(pydoc.render_doc(Settings))
+    assert all(f" |  {name}: " in shown for name in Settings.__dataclass_fields__)
 
 
 def test_wrong_options_of_a_bracket_the_algebraic_solve_and_tables():

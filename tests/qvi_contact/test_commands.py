@@ -185,7 +185,7 @@ def test_limit(shell, sliding):
     assert " those at t = 0, the first time" in shell("safety", cyclic, "--accuracy=0.5", "--json")[1]
     late = sliding.with_name("late.toml")
     late.write_text(sliding.read_text(encoding="utf-8") + "[history]\ntimes = [0.5, 2.0, -1.0]\n", encoding="utf-8")
-    assert "3 steps, t between -1 and 2" in shell("check", late)[1]
+    assert "3 steps, t between -1 and 2; shown at t = 0.5\n" in shell("check", late)[1]
     assert "those at t = 0.5, the first" in shell("limit", late, "--proof", sliding.with_name("a.json"))[1]
     found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
     reached = found["status"], found["guaranteed"], found["rounds"], 0.0 <= found["estimate"] <= 1e-4
@@ -282,6 +282,8 @@ class TestSweep:
             assert heading in shell("solve", path, "--set", given)[1]
         out = shell("solve", example(tmp_path, "preloaded_joint"), "--set", "load=1,2")[1]
         assert "\nremark, first at load = 2: Nothing determines" in out  # where the base opens
+        rough = shell("solve", path, "--set", "friction=1.1,1.2")[1]
+        assert (rough.count("Friction is"), "first at friction = 1.1: Friction is 1.1" in rough) == (1, True)
         path = example(tmp_path, "dragged_block_holds", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
         small, large = (line.split() for line in shell("solve", path, "--set", "load=1,1e12")[1].splitlines()[-5:-3])
         assert float(large[3]) == pytest.approx(1e12 * float(small[3]), rel=1e-4)  # rounding is each value's own

@@ -89,6 +89,12 @@ class TestExpression:
         assert Expression("x * t", t=3.0)(np.array([2.0]), np.array([0.0])) == [6.0]
         assert load(np.array([2.0]), np.array([0.0])) == [0.0]
 
+    @pytest.mark.parametrize("text", ["0.3 - 0.1 * x", "0.3 - 0.1 * t", "-0.1 * x + 0.3", "0.1 + 0.2 - 0.1 * x"])
+    def test_a_sum_that_is_rounding_is_zero(self, text):
+        """Alone, its size shows nothing: −5.6e-17 was refused as friction below 0."""
+        assert Expression(text, t=3.0)(np.array([3.0]), np.array([0.0])) == [0.0]
+        assert Expression(text, t=2.0)(np.array([2.0]), np.array([0.0])) == pytest.approx([0.1])
+
     def test_integers_are_numbers(self):
         """No exact arithmetic of whole numbers, which has no limit; overflow is infinity."""
         assert (Expression("2**53 + 1 - 2**53")(*POINTS) == 0.0).all()

@@ -289,15 +289,18 @@ def test_sizes_of_rounding_follow_the_units_of_the_problem(squeezed):
     assert list(vars(found).values()) == pytest.approx(sizes, rel=1e-12, abs=0.0)
     assert Rounding.largest([found, Rounding.of(1.0, 4.0, 5.0)]).displacement == pytest.approx(4e-9, rel=1e-12, abs=0.0)
     assert set(vars(Rounding()).values()) == {0.0}
+    kinds = ("force", "force", "moment", "displacement")
+    for row, cleaned in (((100.0, 9e-4, 4e-3, 5e-5), (100.0, 0.0, 0.0, 5e-5)), ((1.0, 1e-4, 1e-3, 0.0),) * 2):
+        assert found.cleaned(row, kinds) == list(cleaned)  # 1e-5 of the largest force; 5 is the length
+        assert Rounding().cleaned(row, kinds)[:2] == list(cleaned[:2])
     line, force = squeezed.contacts["ground"], squeezed.contacts["ground"].normal_force
-    shown = [replace(line, rounding=Rounding(force=least)).shown_forces[0] for least in (force, 0.999 * force)]
-    assert shown == ["0", f"{force:.6g}"]
+    assert [replace(line, rounding=Rounding(force=least)).forces[0] for least in (force, 0.999 * force)] == [0.0, force]
 
 
 def test_tables_of_a_result(squeezed):
     """Contact rows and resultants, on the terminal, on the page and in notebooks."""
     assert abs(squeezed.contacts["ground"].tangential_force) < 1e-8
-    assert squeezed.contacts["wall"].shown_forces == ("0", "0")
+    assert squeezed.contacts["wall"].forces == (0.0, 0.0)
     report = "\n".join(line for line in result_lines(squeezed, UNITS) if "certificate" not in line)
     assert "normal [N/mm]" in report
     tables = result_tables(squeezed, UNITS)
@@ -340,7 +343,7 @@ def test_what_an_overlap_alone_loads_has_the_pressure_as_its_unit(overlapping):
         resultant = overlapping.resultant(name)
         for cell, value, least in zip(cells, (resultant.x, resultant.y, resultant.moment), zero, strict=True):
             assert (cell == "0") == (abs(value) <= least)
-    assert line.shown_forces[1] == "0"
+    assert line.forces[1] == 0.0
     assert not tiny(" ".join(report))
 
 

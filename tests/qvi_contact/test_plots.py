@@ -465,6 +465,8 @@ class TestFigures:
         assert forces.lines[0].get_ydata() == pytest.approx([step.contacts["plate"].normal_force for step in steps])
         assert forces.lines[0].get_xdata().tolist() == [1, 2]
         assert loop.lines[2].get_xydata() == pytest.approx(np.column_stack(History(steps, 2).loop("plate")))
+        still = replace(plate, conditions=[*others, replace(contact, offset=1e-18)])  # its loop was rounding
+        assert len(history_figure(History((steps[0], solve(still)), 2)).axes) == 2
         with pytest.raises(InputError, match="no contact"):
             history_figure(History((), 2))
         mesh, top = TriangleMesh.rectangle((2, 2), 2.0, 1.0), Traction("top", x=20.0, y=-100.0)

@@ -8,9 +8,9 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 
-from qvi_contact import TriangleMesh, load_problem
+from qvi_contact import Polynomial, TriangleMesh, load_problem, solve
 from qvi_contact.gallery import sliding_block
-from qvi_contact.plots import draw_problem, draw_symbols, problem_figure, runs, value_range
+from qvi_contact.plots import draw_problem, draw_symbols, problem_figure, result_figure, runs, value_range
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
 from tests.golden.problems import EXAMPLES
@@ -206,3 +206,18 @@ def test_names_do_not_cover_each_other():
         figure.draw_without_rendering()
         assert len(figure.axes[0].texts) == number
         assert not covered(figure.axes[0])
+
+
+def test_forces_of_layers_in_one_line_have_names_beside_each_other():
+    heights = {"low": 3.0, "high": 6.0}
+    joints = {name: ((0.0, y), (60.0, y)) for name, y in heights.items()}
+    mesh = TriangleMesh.grid(np.linspace(0.0, 60.0, 9), [0.0, *heights.values(), 9.0], joints=joints)
+    sides = [
+        Traction("left", 0.0, 0.0),
+        Traction("right", 0.0, 0.0),
+        Traction("top", 0.0, Polynomial([[-5.0], [0.08]])),
+    ]
+    contacts = [Contact(name, 0.5) for name in ("bottom", *heights)]
+    figure = result_figure(solve(ContactProblem(mesh, Material(1e4, 0.3), [*contacts, *sides])))
+    figure.draw_without_rendering()
+    assert (len(figure.axes[0].texts), covered(figure.axes[0])) == (3, [])

@@ -158,9 +158,8 @@ class TestRight:
         line = result.contacts["glue"]
         wrong = replace(line, normal_stress=line.normal_stress * (1.0 + 1e-5))
         assert failed(claiming(result, contacts={**result.contacts, "glue": wrong})) >= {"glue: tractions"}
-        for beyond, said in ((1e-4, set()), (1e-2, {"glue: tractions"})):  # older files have what samples may miss
-            older = replace(line, excess_between_points=beyond * np.abs(line.normal_stress).max())
-            assert failed(claiming(result, contacts={**result.contacts, "glue": older})) == said
+        wrong = replace(line, excess_between_points=1e-2 * np.abs(line.normal_stress).max())
+        assert failed(claiming(result, contacts={**result.contacts, "glue": wrong})) == {"glue: tractions"}
 
 
 class TestWrong:
