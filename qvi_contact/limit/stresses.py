@@ -444,8 +444,7 @@ class StressProgram:
             return first
         with suppress(SolveError):  # its bound holds for all signs; without it they are tried
             most = solve(np.full(len(undecided), ROUGH))
-        bound = max(most.factor, most.bound)  # the solver may have given up far below the bound
-        if bound <= first.factor or bound - first.factor <= CERTIFIED * abs(bound):
+        if max(most.factor, most.bound) <= first.factor + CERTIFIED * abs(first.factor):
             return first
         trials = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
