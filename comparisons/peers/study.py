@@ -33,22 +33,20 @@ _LOOKING: Final = 60.0  # seconds for another Python to import its packages
 
 
 class Code(NamedTuple):
-    """A code: name, its Python module, the module of `codes` that calls it, marker, and how to install it."""
+    """A code: name, its Python module, the module of `codes` that calls it, and marker."""
 
     name: str
     library: str
     module: str
     marker: str
-    remedy: str = ""
 
 
 CODES: Final[Mapping[str, Code]] = {
     TRIANGLES: Code("this package", "qvi_contact", "own", "o"),
     BRACKET: Code("the bracket", "qvi_contact", "own", "x"),
-    "ngsolve": Code("NGSolve", "ngsolve", "with_ngsolve", "v", "python -m pip install ngsolve"),
-    "getfem": Code("GetFEM", "getfem", "with_getfem", ">",
-                   "apt install python3-getfem on Debian or Ubuntu, then --getfem /usr/bin/python3"),
-}  # fmt: skip
+    "ngsolve": Code("NGSolve", "ngsolve", "with_ngsolve", "v"),
+    "getfem": Code("GetFEM", "getfem", "with_getfem", ">"),
+}
 """Key → code."""
 
 

@@ -51,9 +51,9 @@ class Bounds(NamedTuple):
 class EdgeParts:
     """Parts of the duality gap on the edges of one contact, (edges,) each, ≥ 0 [stress × length²]."""
 
-    contact: FloatArray  # ∫ −τ_N (g − v_N) ds: pressure where the displacement leaves a gap
-    friction: FloatArray  # ∫ s |v_T − w| + τ_T (v_T − w) ds: slip below the friction bound, or along the friction
-    springs: FloatArray  # ½ ∫ (τ + k d)²/k ds: traction and stretch of springs that do not fit; 0 without springs
+    contact: FloatArray  #: ∫ −τ_N (g − v_N) ds: pressure where the displacement leaves a gap
+    friction: FloatArray  #: ∫ s |v_T − w| + τ_T (v_T − w) ds: slip below the friction bound, or along the friction
+    springs: FloatArray  #: ½ ∫ (τ + k d)²/k ds: traction and stretch of springs that do not fit; 0 without springs
 
     @property
     def total(self) -> FloatArray:

@@ -122,7 +122,10 @@ class HsiehCloughTocher:
         orthogonal, triangular = np.linalg.qr(stresses @ null)
         dual = dual - null @ np.linalg.solve(triangular, orthogonal.T @ (stresses @ dual))
         inner = np.linalg.solve(triangular.T, null.T).T
-        return np.asarray(basis @ np.hstack([dual, inner])).reshape(smooth.shape)
+        functions = np.hstack([dual, inner])
+        for _ in range(2):  # remove the rounding error, 1e-13, of the duality
+            functions = functions - dual @ (functionals @ functions - np.eye(self.shared, self.dimension))
+        return np.asarray(basis @ functions).reshape(smooth.shape)
 
     @cached_property
     def derivatives(self) -> tuple[FloatArray, FloatArray, FloatArray]:

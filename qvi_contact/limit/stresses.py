@@ -442,9 +442,9 @@ class StressProgram:
         first, most = solve(np.full(len(undecided), EITHER)), Carried(np.inf)
         if not undecided.any():
             return first
-        with suppress(SolveError):  # an upper bound only; without it all signs are tried
+        with suppress(SolveError):  # its bound holds for all signs; without it they are tried
             most = solve(np.full(len(undecided), ROUGH))
-        if most.factor <= first.factor:
+        if max(most.factor, most.bound) <= first.factor + CERTIFIED * abs(first.factor):
             return first
         trials = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):

@@ -140,7 +140,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
         line, edges = result.contacts[rows.name], rows.points.edges
         touches = (line.state != ContactState.OPEN).reshape(len(edges), -1)
         plane = np.column_stack([np.ones(len(line.x)), line.x, line.y])
-        off_plane = np.abs(rows.gap - plane @ np.linalg.lstsq(plane, rows.gap)[0]).max(initial=0.0)
+        off_plane = np.abs(rows.gap - plane @ np.linalg.lstsq(plane, rows.gap, rcond=None)[0]).max(initial=0.0)
         in_contact = edges.take(touches.any(axis=1) & (edges.bent | (off_plane > _FLAT * np.abs(rows.gap).max())))
         count = len(in_contact) * (2 if np.isin(edge_ends(in_contact), mirrored).any() else 1)  # with the mirrored half
         if not touches.all() and 0 < count < _EDGES_IN_CONTACT:
