@@ -163,8 +163,10 @@ class Discretization(PicklesFields):
         are held have no strain energy: the unit is at least their stress.
         """
         bonded = self.qvi.bonded_state
+        if not bonded.rough_stress < _TOO_SMALL or bonded.error > _UNRELIABLE:
+            return self
         mean = max(bonded.rough_stress, held_stress(self.problem) / self.scales.stress)
-        if not _NOISE < mean < _TOO_SMALL or bonded.error > _UNRELIABLE:
+        if not _NOISE < mean < _TOO_SMALL:
             return self
         scales = replace(self.scales, stress=self.scales.stress * mean)
         return _discretized(self.problem, self.space, self.rule, scales)
