@@ -28,13 +28,12 @@ from qvi_contact.discretization.loads import (
     traction_data,
 )
 from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
-from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.scaling import Scales, held_stress
 from qvi_contact.discretization.space import EdgeRule, LawOn, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError, refuse_arguments
 from qvi_contact.problem.conditions import Displacement, Traction
-from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import Kept, PicklesFields, read_only
@@ -160,13 +159,16 @@ class Discretization(PicklesFields):
         """The same problem, with the mean stress of the bonded state as unit if the present unit is far too large.
 
         In the bonded state contacts neither open nor slip. `Scales` cannot foresee every load, such as an obstacle that
-        drags the body along by friction. QP solvers would not resolve stresses far below the unit. The strain energy
-        of a body with initial strains is no measure of its stress: strains that are held have none.
+        drags the body along by friction. QP solvers would not resolve stresses far below the unit. Initial strains that
+        are held have no strain energy: the unit is at least their stress.
         """
         bonded = self.qvi.bonded_state
-        if not _NOISE < bonded.rough_stress < _TOO_SMALL or bonded.error > _UNRELIABLE or is_strained(self.problem):
+        if not bonded.rough_stress < _TOO_SMALL or bonded.error > _UNRELIABLE:
             return self
-        scales = replace(self.scales, stress=self.scales.stress * bonded.rough_stress)
+        mean = max(bonded.rough_stress, held_stress(self.problem) / self.scales.stress)
+        if not _NOISE < mean < _TOO_SMALL:
+            return self
+        scales = replace(self.scales, stress=self.scales.stress * mean)
         return _discretized(self.problem, self.space, self.rule, scales)
 
     def values(self, z: FloatArray) -> FloatArray:

@@ -302,6 +302,7 @@ def _refined(
     """The last answer that was assessed, or the first answer."""
     rounds = list[Round]()
     answer: Any = None
+    failed: RefinementStatus | None
     try:
         while True:
             failed = RefinementStatus.THIN_CELLS  # the data are right, as the mesh before took them
@@ -314,6 +315,7 @@ def _refined(
             if deadline.over and is_bound and assessed.record.estimate > before.estimate:
                 raise StopError(RefinementStatus.TIME_LIMIT)  # time ran out before the bounds were computed
             rounds.append(assessed)
+            failed = None  # errors of the callback are the caller's
             callback(assessed.record)
             _stop_at_end(strategy.settings, rounds)
     except StopError as stop:
@@ -322,7 +324,7 @@ def _refined(
             raise InputError("max_unknowns", strategy.settings.max_unknowns, remedy) from stop
         status, reason = stop.status, stop.reason
     except QVIError as error:
-        if not rounds:
+        if not rounds or failed is None:
             raise
         status, reason = RefinementStatus.TIME_LIMIT if deadline.over else failed, str(error)
     fields: dict[str, Any] = {"status": status, "reason": reason, "target": strategy.settings.target}

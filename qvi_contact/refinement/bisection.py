@@ -9,6 +9,7 @@ In `docs/theory.md`: (D22) with the reasons and numbers of bisections, (D25) for
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
@@ -236,9 +237,10 @@ class TriangleRefinement:
                 cells = places(found).cells
                 unseen = cells[~np.isin(problem.mesh.locate(mesh.corners[cells].mean(axis=1)), at.cells)]
                 if len(unseen) and mesh is not problem.mesh:
-                    finer = reference_problem(replace(problem, mesh=mesh), Places(unseen, at.corners[:0])).mesh
-                    again = self._solved(finer, self.degree + 1, np.inf, further)
-                    found = again if again.status is Status.SOLVED else found
+                    with suppress(QVIError):  # then the first reference serves
+                        finer = reference_problem(replace(problem, mesh=mesh), Places(unseen, at.corners[:0])).mesh
+                        again = self._solved(finer, self.degree + 1, np.inf, further)
+                        found = again if again.status is Status.SOLVED else found
                     references = steps_of(found)
                 reference = self._value(found)
             except QVIError:

@@ -217,16 +217,9 @@ class ContactLine:
 
 
 def contact_states(
-    effective: FloatArray,
-    tangential_stress: FloatArray,
-    bound: FloatArray,
-    gap: FloatArray,
-    slip: FloatArray,
-    unit: float,
-    *,
-    may_open: bool = True,
-    frictionless: bool = False,
-) -> IntArray:
+    effective: FloatArray, tangential_stress: FloatArray, bound: FloatArray, gap: FloatArray, slip: FloatArray,
+    unit: float, *, may_open: bool = True, frictionless: bool = False,
+) -> IntArray:  # fmt: skip
     """`ContactState` of each point (m,) from dimensionless tractions, gap and slip.
 
     With p = −σ_N'/S, t = |σ_T|/S, b = bound/S, d = gap/S and v = |slip|/S, where S is `unit`, a point is
@@ -248,11 +241,8 @@ def contact_states(
     sliding = np.abs(slip) / unit
     is_loaded = np.abs(tangential_stress) > tolerance * unit
     slips = (slack < sliding + tolerance) & ((sliding > tolerance) | is_loaded)
-    state = np.where(slips, int(ContactState.SLIP), int(ContactState.STICK))
-    if frictionless:
-        state = np.full_like(state, int(ContactState.CLOSED))
-    opens = (pressure <= opening + tolerance) & may_open
-    return np.where(opens, int(ContactState.OPEN), state)
+    state = np.where(frictionless, ContactState.CLOSED, np.where(slips, ContactState.SLIP, ContactState.STICK))
+    return np.where((pressure <= opening + tolerance) & may_open, ContactState.OPEN, state)
 
 
 def contact_line(

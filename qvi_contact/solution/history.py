@@ -173,7 +173,7 @@ class History:
         displacement, force = next((loop for loop in loops.values() if np.ptp(loop[0]) > 0.0), loops[components[0]])
         if {"x", "y"} <= loops.keys():
             both, edges = np.stack([loops["x"], loops["y"]]), self._states[0].problem.mesh.edges(name)
-            ways, lengths, _ = np.linalg.svd(both[:, 0] - both[:, 0, :1])
+            ways, lengths, _ = np.linalg.svd(both[:, 0] - both[:, 0, :1], full_matrices=False)
             tangents, is_line = edges.tangent, lengths[1:].max(initial=0.0) <= _PARALLEL * lengths[0]
             if is_line or not (edges.curved or np.abs(cross(tangents, tangents[0])).max() > _PARALLEL):
                 way = ways[:, 0] if is_line and lengths[0] > 0.0 else tangents[0]

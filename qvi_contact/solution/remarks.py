@@ -33,7 +33,7 @@ _LARGE_STRAIN: Final = 0.05  # strain above which the theory of small strains is
 _LARGE_FRICTION: Final = 1.0  # friction above which a remark is made; several solutions are known from 2 on
 _EXCESS: Final = 1e-2  # excess of friction between points over the contact's largest traction, allowed without remark
 _EDGES_IN_CONTACT: Final = 4  # least number of edges that resolve a contact zone on an arc
-_FLAT: Final = 1e-6  # distance of gaps from a linear function over their range, above which an obstacle is curved
+_FLAT: Final = 1e-6  # distance of gaps from a linear function over the largest, above which an obstacle is curved
 _YIELDS: Final = 1e-6  # excess of the strength over the unit of stress, above which the body yields
 
 
@@ -141,7 +141,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
         touches = (line.state != ContactState.OPEN).reshape(len(edges), -1)
         plane = np.column_stack([np.ones(len(line.x)), line.x, line.y])
         off_plane = np.abs(rows.gap - plane @ np.linalg.lstsq(plane, rows.gap, rcond=None)[0]).max(initial=0.0)
-        in_contact = edges.take(touches.any(axis=1) & (edges.bent | (off_plane > _FLAT * np.ptp(rows.gap))))
+        in_contact = edges.take(touches.any(axis=1) & (edges.bent | (off_plane > _FLAT * np.abs(rows.gap).max())))
         count = len(in_contact) * (2 if np.isin(edge_ends(in_contact), mirrored).any() else 1)  # with the mirrored half
         if not touches.all() and 0 < count < _EDGES_IN_CONTACT:
             x, y = (part[touches.ravel()].mean() for part in (line.x, line.y))

@@ -155,30 +155,18 @@ class Sweep(SweepRows):
 
 @overload
 def solve_sweep(
-    problem: ContactProblem,
-    parameter: Parameter,
-    values: Sequence[float],
-    of: Sequence[str] | None = None,
-    callback: Callable[[int, ContactResult], object] | None = None,
-    settings: Settings | None = None,
-    *,
-    store: None = None,
-    **changes: Any,
-) -> Sweep: ...
+    problem: ContactProblem, parameter: Parameter, values: Sequence[float], of: Sequence[str] | None = None,
+    callback: Callable[[int, ContactResult], object] | None = None, settings: Settings | None = None, *,
+    store: None = None, **changes: Any,
+) -> Sweep: ...  # fmt: skip
 
 
 @overload
 def solve_sweep(
-    problem: ContactProblem,
-    parameter: Parameter,
-    values: Sequence[float],
-    of: Sequence[str] | None = None,
-    callback: Callable[[int, SweepRow], object] | None = None,
-    settings: Settings | None = None,
-    *,
-    store: str | Path,
-    **changes: Any,
-) -> StoredSweep: ...
+    problem: ContactProblem, parameter: Parameter, values: Sequence[float], of: Sequence[str] | None = None,
+    callback: Callable[[int, SweepRow], object] | None = None, settings: Settings | None = None, *,
+    store: str | Path, **changes: Any,
+) -> StoredSweep: ...  # fmt: skip
 
 
 def solve_sweep(
@@ -315,14 +303,9 @@ class SweepTask:
 
     @classmethod
     def of(
-        cls,
-        problem: ContactProblem,
-        parameter: Parameter,
-        names: Sequence[str] | None,
-        settings: Settings,
-        *,
+        cls, problem: ContactProblem, parameter: Parameter, names: Sequence[str] | None, settings: Settings, *,
         warm: bool,
-    ) -> SweepTask:
+    ) -> SweepTask:  # fmt: skip
         """The task of checked arguments of `solve_sweep`."""
         instance_of(ContactProblem, "problem", problem)
         one_of("parameter", parameter, PARAMETERS)

@@ -193,10 +193,13 @@ def test_arcs_too_coarse_for_their_contact():
     assert "graded" in remark
 
 
-@pytest.mark.parametrize(("gap", "few"), [("(x - 1)**2 - 0.1", True), ("1e-4 * (x - 1)", False)])
-def test_a_mesh_too_coarse_for_a_round_pad(gap, few):
-    """Nothing said that a pad on two edges out of four has no pressure worth reading; a tilted plate is no pad."""
-    sides = [Displacement("bottom", 0.0, 0.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+@pytest.mark.parametrize(
+    ("gap", "lift", "few"),
+    [("(x - 1)**2 - 0.1", "0", True), ("1e-4 * (x - 1)", "0", False), ("0.3", "0.3 + 0.1 * (x - 1)", False)],
+)
+def test_a_mesh_too_coarse_for_a_round_pad(gap, lift, few):
+    """A pad on two edges out of four has no pressure worth reading; a plate is no pad, nor is its rounding."""
+    sides = [Displacement("bottom", 0.0, Expression(lift)), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
     pad, mesh = Contact("top", 0.1, gap=Expression(gap)), TriangleMesh.rectangle((4, 2), 2.0, 1.0)
     remarks = solve(ContactProblem(mesh, Material(1.0, NU), [pad, *sides])).remarks
     assert any("fewer than 4 edges (2)" in remark for remark in remarks) == few

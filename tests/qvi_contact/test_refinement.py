@@ -1,6 +1,7 @@
 """Adaptive refinement: estimates against settled values, what reference solutions see, honest ends."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -155,15 +156,18 @@ class TestReferenceSolution:
         middle = result.problem.mesh.corners[places(result).cells].mean(axis=1)
         assert 0.0 < np.abs(middle[:, 0] - 0.5).max() < 0.3
 
-    def test_zones_that_it_alone_shows_are_bisected_in_it(self):
+    def test_zones_that_it_alone_shows_are_bisected_in_it(self, monkeypatch):
         """Tension below x = 0.012, of which the answer shows nothing; the force is settled by degree 8."""
         turned = Displacement("top", x=3.2e-4, y=Polynomial([[-6.8e-4], [9.2e-4]]))
         conditions = [Contact("bottom", 0.5, law="bilateral"), turned, *FREE]
-        outcome = refine(
-            ContactProblem(TriangleMesh.rectangle((3, 2)), Material(1e4, 0.2), conditions), None, 1e-4,
-            "bottom.normal_force", max_rounds=1,
-        )  # fmt: skip
+        problem = ContactProblem(TriangleMesh.rectangle((3, 2)), Material(1e4, 0.2), conditions)
+        outcome = refine(problem, None, 1e-4, "bottom.normal_force", max_rounds=1)
         assert 1.0 <= outcome.error / abs(outcome.value - 2.18935) < 3.0
+        first = reference_problem(problem, places(solve(problem, degree=5)))  # serves if the second fails
+        both = Mock(side_effect=[first, InputError("mesh", "finer", "is too fine")])
+        monkeypatch.setattr("qvi_contact.refinement.bisection.reference_problem", both)
+        outcome = refine(problem, None, 1e-4, "bottom.normal_force", max_rounds=1)
+        assert outcome.error < 0.5 * abs(outcome.value - 2.18935)
 
     def test_it_keeps_all_vertices_and_is_not_much_larger(self):
         problem = plate(0.2, (4, 4))
@@ -172,6 +176,11 @@ class TestReferenceSolution:
         assert np.array_equal(fine.vertices[: len(problem.mesh.vertices)], problem.mesh.vertices)
         assert fine.finest[at.corners].max() == pytest.approx(1 / 32)
         assert len(problem.mesh.cells) < len(fine.cells) < 200
+
+
+def test_errors_of_a_callback_are_the_callers():
+    with refused_at("Contact.friction", "-1"):
+        refine(plate(), None, 1e-9, callback=lambda _: Contact("top", -1.0))
 
 
 def test_an_exact_solution_and_a_body_without_loads_are_known_at_once():

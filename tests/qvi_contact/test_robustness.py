@@ -202,6 +202,10 @@ def test_the_fixed_point_in_units_far_too_large_on_meshes_graded_to_a_corner(for
     assert known.rescaled() is known
     found = discretize(known.problem, scales=replace(known.scales, stress=1e6 * known.scales.stress)).rescaled()
     assert found.qvi.bonded_state.strain_energy == pytest.approx(0.5)
+    heated = replace(known.problem, material=replace(known.problem.material, expansion=1e-9), temperature=1.0)
+    assert discretize(heated, scales=found.scales).rescaled().scales == found.scales
+    large = replace(found.scales, stress=1e6 * found.scales.stress)
+    assert discretize(heated, scales=large).rescaled().scales.stress == pytest.approx(found.scales.stress, rel=1e-2)
     assert solve(found, method="fixed-point", form=form).status is Status.SOLVED
 
 

@@ -155,13 +155,8 @@ def test_the_file_alone_tells_everything(tmp_path):
 
 def test_a_sweep_that_was_stopped_goes_on(tmp_path):
     path, told = tmp_path / "a.sqlite", []
-
-    def interrupted(number, _):
-        if number == 2:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        solve_sweep(PLATE, "friction", VALUES, store=path, callback=interrupted)
+        solve_sweep(PLATE, "friction", VALUES, store=path, callback=Mock(side_effect=[None, KeyboardInterrupt]))
     assert [row.number for row in read_sweep(path).rows()] == [1, 2]
     found = read_sweep(path)
     assert (found.status, found.message.split(":")[0]) == (Status.TIME_LIMIT, "2 of 4 values are done")

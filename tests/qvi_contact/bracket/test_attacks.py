@@ -36,11 +36,6 @@ def pressed(bound, cells=(4, 4)):
     return replace(plate, conditions=[*plate.conditions[:3], Contact.tresca("top", bound, gap=-U, name="plate")])
 
 
-def on_lines(problem, x, y):
-    """The problem of a rectangle on another grid."""
-    return replace(problem, mesh=TriangleMesh.grid(x, y))
-
-
 def assert_consistent(first: Bracket, second: Bracket):
     """Two brackets of one energy overlap, as far as both claim to be bounds."""
     size = max(first.strain, *map(abs, (first.lower, first.upper, second.lower, second.upper)))
@@ -58,7 +53,7 @@ class TestDataBetweenPoints:
 
     def test_bound_that_jumps_near_the_end_of_an_edge(self):
         problem = pressed(lambda x, _: np.where(x < 0.95, 4.0, 400.0), (1, 1))
-        finer = solve(on_lines(problem, self.LINES, self.LINES)).bracket
+        finer = solve(replace(problem, mesh=TriangleMesh.grid(self.LINES, self.LINES))).bracket
         assert finer.guaranteed
         assert_consistent(solve(problem).bracket, finer)
 
@@ -68,7 +63,8 @@ class TestDataBetweenPoints:
     def test_traction_on_a_strip_at_the_end_of_an_edge(self):
         load = Traction("top", 0.0, lambda x, _: np.where(x > 0.99, -100.0, -1.0))
         problem = square(Displacement("bottom", 0.0, 0.0), load, cells=(1, 2))
-        companion = solve_companion(on_lines(problem, [0.0, 0.5, 0.9, 0.96, 0.98, 0.99, 1.0], self.LINES))
+        finer = TriangleMesh.grid([0.0, 0.5, 0.9, 0.96, 0.98, 0.99, 1.0], self.LINES)
+        companion = solve_companion(replace(problem, mesh=finer))
         assert not companion.reasons
         found = solve(problem).bracket
         assert found.lower > companion.energy  # what may not be claimed to be a bound
