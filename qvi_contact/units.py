@@ -95,8 +95,8 @@ class Units:
 SHARE: Final = 1e-9
 """Size of a number, relative to the units of its problem, up to which it is rounding."""
 
-LEAST_SHOWN: Final = 1e-5
-"""Size of a number, relative to larger ones of its kind beside it, up to which it is shown as 0: no mesh is better."""
+LEAST_SHOWN: Final = 1e-6
+"""A number is shown as 0 up to this share of the largest of its kind beside it, which is shown with six digits."""
 
 
 class Certainty(StrEnum):

@@ -29,7 +29,7 @@ from qvi_contact.solution.stress import (
     stress_rounding,
     traction,
 )
-from qvi_contact.units import SHARE, Rounding, Units
+from qvi_contact.units import LEAST_SHOWN, SHARE, Rounding, Units
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.certificate.feasibility import AdmissibleRows
@@ -53,7 +53,6 @@ RESULTANT: Final = {"x": "force", "y": "force", "moment": "moment"}
 """Fields of a `Resultant` and their `Units`."""
 
 _WITH_PLATE: Final = "contacts with a plate or pin"
-_MOST_ROUNDING: Final = 1e-6  # share of the units of a result that counts as rounding, however bad its certificate
 _SHARE = 1e-3
 """Share of all multipliers of a proof of infeasibility above which a contact is named in the reason."""
 
@@ -295,7 +294,7 @@ class ContactResult(PicklesFields):
         """
         scales, certified, accuracy = self.discretization.scales, self.certificate.scales, self.certificate.accuracy
         stress, displacement = (max(1.0, certified.get(name, 0.0)) for name in ("stress", "displacement"))
-        share = min(max(SHARE, accuracy), _MOST_ROUNDING) if np.isfinite(accuracy) else _MOST_ROUNDING
+        share = min(max(SHARE, accuracy), LEAST_SHOWN) if np.isfinite(accuracy) else LEAST_SHOWN
         return Rounding.of(stress * scales.stress, displacement * scales.displacement, scales.length, share)
 
     @cached_property

@@ -290,8 +290,8 @@ def test_sizes_of_rounding_follow_the_units_of_the_problem(squeezed):
     assert Rounding.largest([found, Rounding.of(1.0, 4.0, 5.0)]).displacement == pytest.approx(4e-9, rel=1e-12, abs=0.0)
     assert set(vars(Rounding()).values()) == {0.0}
     kinds = ("force", "force", "moment", "displacement")
-    for row, cleaned in (((100.0, 9e-4, 4e-3, 5e-5), (100.0, 0.0, 0.0, 5e-5)), ((1.0, 1e-4, 1e-3, 0.0),) * 2):
-        assert found.cleaned(row, kinds) == list(cleaned)  # 1e-5 of the largest force; 5 is the length
+    for row, cleaned in (((100.0, 9e-5, 4e-4, 5e-5), (100.0, 0.0, 0.0, 5e-5)), ((1.0, 1e-5, 1e-4, 0.0),) * 2):
+        assert found.cleaned(row, kinds) == list(cleaned)  # 1e-6 of the largest force; 5 is the length
         assert Rounding().cleaned(row, kinds)[:2] == list(cleaned[:2])
     line, force = squeezed.contacts["ground"], squeezed.contacts["ground"].normal_force
     assert [replace(line, rounding=Rounding(force=least)).forces[0] for least in (force, 0.999 * force)] == [0.0, force]
