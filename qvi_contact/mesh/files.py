@@ -424,6 +424,7 @@ class _AbaqusFile:
         self._path = path
         self._nodes = dict[int, list[float]]()
         self._elements = dict[int, list[int]]()  # nodes of each: 2 or 3 of lines, else 4
+        self._shells = set[int]()  # numbers of shells and membranes
         self._members = dict[_Key, list[tuple[_Member, str]]]()  # with the side of elements in a surface, else ""
         self._called = dict[_Key, str]()  # the spelling of the names of sets, but not of sets that programs have named
         self._sections = list[tuple[str, dict[str, str], list[str]]]()
@@ -434,7 +435,7 @@ class _AbaqusFile:
                 if line.startswith("*"):
                     self._sections.append((" ".join(words.pop(0).upper().split()), {}, []))
                 pairs = (word.partition("=") for word in words)
-                self._sections[-1][1].update({key.strip().upper(): value.strip() for key, _, value in pairs})
+                self._sections[-1][1].update({key.strip().upper(): value.strip(' \t"') for key, _, value in pairs})
                 is_continued = line.endswith(",")
             elif self._sections and self._sections[-1][0] in (*_READ, "SYSTEM", "INSTANCE"):
                 self._sections[-1][2].append(line)
@@ -449,7 +450,9 @@ class _AbaqusFile:
         nodes_of = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
         row_of = {number: row for row, number in enumerate(n for n, nodes in nodes_of.items() if len(nodes) == 4)}
         corners = np.array([nodes_of[number] for number in row_of], dtype=np.int64).reshape(-1, 4)
-        (ends, on_boundary), is_triangle = _sides(corners), corners[:, 2] == corners[:, 3]
+        ends, on_boundary = _sides(corners)
+        place = np.where((corners[:, 2] == corners[:, 3])[:, None], [1, 2, -9, 3], [1, 2, 3, 4])  # of triangles, quads
+        place_on_shells = place + 2 * np.isin(list(row_of), list(self._shells))[:, None]
         edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
         for key, name in sorted(self._called.items(), key=lambda item: _SETS.index(item[0][0])):
             keyword, of_assembly, upper = key
@@ -468,10 +471,10 @@ class _AbaqusFile:
                 lines.append(np.array(trusses, dtype=np.int64).reshape(-1, 2))
                 if keyword == "ELSET":
                     regions |= {name: cells} if len(cells) else {}
-                else:  # the third side of a triangle, ca, is the fourth in `ends`; without a number all on the boundary
-                    place = np.where(is_triangle[cells] & (side[1:] == "3"), "4", side[1:])
-                    chosen = place[:, None] == ["1", "2", "3", "4"] if side else on_boundary[cells]
-                    lines.append(ends[cells][chosen])
+                else:  # S1 … are sides, but of shells their two faces, then sides; E1 … are sides
+                    number = int(side[1:]) if side[1:].isdigit() else -1
+                    is_side = (place if side[:1] == "E" else place_on_shells) == number if side else on_boundary
+                    lines.append(ends[cells][is_side[cells]])
             edges = np.unique(np.concatenate(lines), axis=0)
             edge_sets |= {name: edges} if len(edges) else {}
         return MeshParts(np.array(points, dtype=float).reshape(-1, 3), corners, edge_sets, regions)
@@ -489,7 +492,7 @@ class _AbaqusFile:
                 remedy = f"holds *{keyword}, which moves or makes nodes: write all nodes where they are"
                 raise InputError("mesh", "", remedy)
             if keyword in _READ and "INPUT" in options:
-                data += _lines_of(self._path.parent / options["INPUT"].strip('"'), (self._path.resolve(),))
+                data += _lines_of(self._path.parent / options["INPUT"], (self._path.resolve(),))
             rows = (line.rstrip(",").split(",") for line in data)
             if keyword == "NODE" and not of_assembly:  # nodes of assemblies are reference points
                 self._read_nodes(options, rows)
@@ -519,6 +522,8 @@ class _AbaqusFile:
             if number in self._elements:
                 raise ValueError(f"two elements have the number {number}")
             self._elements[number] = nodes if truss else [*nodes[:3], nodes[2 if count in (3, 6) else 3]]
+        if kind.upper().startswith(("S", "M3D")):
+            self._shells.update(table[:, 0].tolist())
         if "ELSET" in options:
             self._set("ELSET", options, of_assembly=False).extend((number, "") for number in table[:, 0].tolist())
 
@@ -530,7 +535,8 @@ class _AbaqusFile:
                 first, last, *step = map(int, words)
                 members.append((range(first, min(last, _MAX_NUMBER) + 1, *step), ""))
             else:
-                names = [word.strip().upper().rpartition(".")[2] for word in words]  # without that of the instance
+                # without quotes, and without the name of the instance
+                names = [word.replace('"', "").strip().upper().rpartition(".")[2] for word in words]
                 side = names[1] if is_surface and not of_nodes and len(names) > 1 else ""
                 used = filter(None, names[:1] if is_surface else names)
                 members += [(int(name) if name.isdigit() else name, side) for name in used]

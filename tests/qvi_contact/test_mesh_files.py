@@ -243,17 +243,18 @@ class TestAbaqus:
         lines = {"floor": [[0, 1]], "seam": [[0, 2]], "lid": [[2, 3]]}
         assert named == {"steel": [0, 2, 3], "all": [0, 1, 2, 3], "rest": [1], "both": [0, 1], **lines}
 
-    def test_surfaces_and_node_sets(self, tmp_path):
+    @pytest.mark.parametrize(("kind", "side", "seam"), [("CPS3", "S2", "S3"), ("S3", "S4", "S5"), ("M3D3", "E2", "E3")])
+    def test_surfaces_and_node_sets(self, tmp_path, kind, side, seam):
         """Two squares, the right one cut in two: by elements, sides and nodes, in a part and its assembly."""
-        text = """*PART, NAME=P\n*NODE, NSET=Nodes\n1, 0D0, 0\n2, 1.0d0, 0\n3, 1, 1\n4, 0, 1\n5, 2, 0\n6, 2, 1
-        *NODE\n7, 9, 9\n*ELEMENT, TYPE=CPS4\n1, 1, 2, 3, 4\n*ELEMENT, TYPE=CPS3, ELSET=right\n2, 2, 5, 6\n3, 2, 6, 3
+        text = f"""*PART, NAME=P\n*NODE, NSET=Nodes\n1, 0D0, 0\n2, 1.0d0, 0\n3, 1, 1\n4, 0, 1\n5, 2, 0\n6, 2, 1
+        *NODE\n7, 9, 9\n*ELEMENT, TYPE=CPS4\n1, 1, 2, 3, 4\n*ELEMENT, TYPE={kind}, ELSET=right\n2, 2, 5, 6\n3, 2, 6, 3
         *ELEMENT, TYPE=T2D2, ELSET=wall\n4, 4, 1\n*NSET, NSET=Base\n5, 1, 2, 7\n*NSET, NSET=Twice\n1, 2
         *NSET, NSET=_Picked, INTERNAL\n1, 2\n*ELSET, ELSET=Base\n1, 2\n*ELSET, ELSET=Twice\n1
-        *SURFACE, NAME=Right\nright,\n*SURFACE, NAME=Top\n1, S3\n3, E2\n3, S7\n1, SPOS\n*SURFACE, NAME=Seam\n3, S3
+        *SURFACE, NAME="Right"\n"right",\n*SURFACE, NAME=Top\n1, S3\n3, E2\n3, S7\n1, SPOS
         *SURFACE, NAME=Rigid, TYPE=SEGMENTS\nSTART, 0, 0\n*SURFACE, NAME=Floor, TYPE=NODE\nBase, 1.0\n*END PART
         *ASSEMBLY\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n*NSET, NSET=Twice, INSTANCE=I\n2, 5\n*ELSET, ELSET=Twice\n2
-        *ELSET, ELSET=_Side_S2, INTERNAL, INSTANCE=I\n2\n*SURFACE, NAME=Side\n_Side_S2, S2\n*SURFACE, NAME=wall\n1, S1
-        *NSET, NSET=Low, GENERATE\n1, 2, 1\n*SURFACE, NAME=West\nI.wall, SPOS\n*END ASSEMBLY"""
+        *ELSET, ELSET=_S2, INTERNAL, INSTANCE=I\n2\n*SURFACE, NAME=Side\n_S2, {side}\n*SURFACE, NAME=wall\n1, S1
+        *NSET, NSET=Low, GENERATE\n1, 2, 1\n*SURFACE, NAME=West\nI.wall, SPOS\n*SURFACE, NAME=Seam\n3, {seam}"""
         mesh = TriangleMesh.load(written(tmp_path / "a.inp", text))
         middle = {name: mesh.vertices[mesh.pairs(name)].mean(axis=1).tolist() for name in mesh.edge_sets}
         below, above, east, west = [[0.5, 0.0], [1.5, 0.0]], [[0.5, 1.0], [1.5, 1.0]], [2.0, 0.5], [0.0, 0.5]
