@@ -16,10 +16,12 @@ views) are skipped.
 import io
 import re
 import warnings
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
 from importlib import import_module
-from itertools import groupby
+from itertools import chain, combinations, groupby
+from math import dist
 from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeAlias
 
@@ -393,10 +395,9 @@ _READ: Final = ("NODE", "ELEMENT", *_SETS)
 _FLAGS: Final = ("GENERATE", "INTERNAL", "UNSORTED")  # options without a value
 _MAX_NUMBER: Final = 2**62  # of an element
 
-_Member: TypeAlias = str | int | range
-"""Member of a set of elements or nodes: the name of another set, a number, or a range of numbers."""
-_Key: TypeAlias = tuple[str, bool, str]
-"""Keyword of a set, whether it belongs to an assembly, and its name in upper case."""
+_Member: TypeAlias = str | int | range  # of a set of elements or nodes: another set, a number, or numbers
+_Members: TypeAlias = defaultdict[str, list[_Member]]  # by the side of the elements that a surface names, else ""
+_Key: TypeAlias = tuple[str, bool, str]  # keyword of a set, whether it belongs to an assembly, name in upper case
 
 
 def _lines_of(path: Path, including: tuple[Path, ...] = ()) -> Iterator[str]:
@@ -425,7 +426,7 @@ class _AbaqusFile:
         self._nodes = dict[int, list[float]]()
         self._elements = dict[int, list[int]]()  # nodes of each: 2 or 3 of lines, else 4
         self._shells = set[int]()  # numbers of shells and membranes
-        self._members = dict[_Key, list[tuple[_Member, str]]]()  # with the side of elements in a surface, else ""
+        self._members = defaultdict[_Key, _Members](lambda: defaultdict(list))
         self._called = dict[_Key, str]()  # the spelling of the names of sets, but not of sets that programs have named
         self._sections = list[tuple[str, dict[str, str], list[str]]]()
         is_continued = False
@@ -460,13 +461,14 @@ class _AbaqusFile:
             if is_ambiguous or (keyword != "ELSET" and upper in map(str.upper, edge_sets)):
                 continue  # an element set and a node set of one name, as programs write them, are a region and edges
             lines = [np.empty((0, 2), np.int64)]
-            for side in dict.fromkeys(side for _, side in self._members[key]):
-                numbers = self._numbers(key, [member for member, of_side in self._members[key] if of_side == side])
+            for side, members in self._members[key].items():
+                numbers = self._numbers(key, members)
                 if keyword == "NSET":
                     boundary = ends[on_boundary]
                     lines.append(boundary[np.isin(boundary, [index[number] for number in numbers]).all(axis=1)])
                     continue
-                trusses = [_ends(nodes_of[number], points) for number in numbers if number not in row_of]
+                pairs = (combinations(nodes_of[number], 2) for number in numbers if number not in row_of)
+                trusses = [max(each, key=lambda pair: dist(*(points[node] for node in pair))) for each in pairs]
                 cells = np.array([row_of[number] for number in numbers if number in row_of], dtype=np.int64)
                 lines.append(np.array(trusses, dtype=np.int64).reshape(-1, 2))
                 if keyword == "ELSET":
@@ -504,12 +506,12 @@ class _AbaqusFile:
                 self._read_set(keyword, options, rows, of_assembly)
 
     def _read_nodes(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
-        members = self._set("NSET", options, of_assembly=False) if "NSET" in options else []
+        members = self._set("NSET", options, of_assembly=False)[""] if "NSET" in options else []
         for number, *coordinates in rows:
             point = [*(float(word.upper().replace("D", "E")) for word in coordinates), 0.0, 0.0][:3]
             if self._nodes.setdefault(int(number), point) != point:
                 raise ValueError(f"two nodes have the number {number}")
-            members.append((int(number), ""))
+            members.append(int(number))
 
     def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
         kind = options.get("TYPE", "")
@@ -525,7 +527,7 @@ class _AbaqusFile:
         if kind.upper().startswith(("S", "M3D")):
             self._shells.update(table[:, 0].tolist())
         if "ELSET" in options:
-            self._set("ELSET", options, of_assembly=False).extend((number, "") for number in table[:, 0].tolist())
+            self._set("ELSET", options, of_assembly=False)[""] += table[:, 0].tolist()
 
     def _read_set(self, keyword: str, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
         is_surface, of_nodes = keyword == "SURFACE", options.get("TYPE", "").upper() == "NODE"
@@ -533,28 +535,28 @@ class _AbaqusFile:
         for words in rows:
             if "GENERATE" in options:
                 first, last, *step = map(int, words)
-                members.append((range(first, min(last, _MAX_NUMBER) + 1, *step), ""))
+                members[""].append(range(first, min(last, _MAX_NUMBER) + 1, *step))
             else:
                 # without quotes, and without the name of the instance
                 names = [word.replace('"', "").strip().upper().rpartition(".")[2] for word in words]
                 side = names[1] if is_surface and not of_nodes and len(names) > 1 else ""
                 used = filter(None, names[:1] if is_surface else names)
-                members += [(int(name) if name.isdigit() else name, side) for name in used]
+                members[side] += [int(name) if name.isdigit() else name for name in used]
 
-    def _set(self, keyword: str, options: dict[str, str], *, of_assembly: bool) -> list[tuple[_Member, str]]:
-        """The list of members of the set that the options name."""
+    def _set(self, keyword: str, options: dict[str, str], *, of_assembly: bool) -> _Members:
+        """The members of the set that the options name."""
         name = options.get(keyword) or options.get("NAME", "")
         if not name:
             raise ValueError(f"a set (*{keyword}) has no name")
         key = keyword, of_assembly, name.upper()
         if "INTERNAL" not in options or (keyword, of_assembly) == ("ELSET", False):
             self._called.setdefault(key, name)
-        return self._members.setdefault(key, [])
+        return self._members[key]
 
     def _numbers(self, key: _Key, members: list[_Member]) -> list[int]:
         """The elements, or nodes, among members of a set and of the sets among these, in ascending order."""
         keyword, known = ("NSET", self._nodes.keys()) if key[0] == "NSET" else ("ELSET", self._elements.keys())
-        numbers, seen, pending = set[int](), {key[2]} if keyword == key[0] else set[str](), members
+        numbers, seen, pending = set[int](), {key[2]} if keyword == key[0] else set[str](), list(members)
         while pending:
             member = pending.pop()
             if isinstance(member, range):
@@ -566,11 +568,5 @@ class _AbaqusFile:
                 nested = self._members.get((keyword, key[1], member), self._members.get((keyword, False, member)))
                 if nested is None:
                     raise ValueError(f"there is no set {member} (*{keyword})")
-                pending += [each for each, _ in nested]
+                pending += chain.from_iterable(nested.values())
         return sorted(numbers & known)
-
-
-def _ends(nodes: list[int], points: list[list[float]]) -> list[int]:
-    """The end nodes of a line: its two nodes, or those two of three nodes that are farthest apart."""
-    pairs = [nodes[:2], nodes[1:], nodes[::2]] if len(nodes) == 3 else [nodes]
-    return max(pairs, key=lambda pair: float(np.hypot(*np.subtract(points[pair[0]], points[pair[1]])[:2])))
