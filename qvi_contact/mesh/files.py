@@ -473,7 +473,7 @@ class _AbaqusFile:
                 lines.append(np.array(trusses, dtype=np.int64).reshape(-1, 2))
                 if keyword == "ELSET":
                     regions |= {name: cells} if len(cells) else {}
-                else:  # S1 … are sides, but of shells their two faces, then sides; E1 … are sides
+                else:  # S1 … are sides, but of CalculiX's shells two faces, then sides; E1 … are sides
                     number = int(side[1:]) if side[1:].isdigit() else -1
                     is_side = (place if side[:1] == "E" else place_on_shells) == number if side else on_boundary
                     lines.append(ends[cells][is_side[cells]])
