@@ -392,8 +392,8 @@ _TRUSS: Final = re.compile(r"(?:(T2D2|T3D2|R2D2|B[23][13])|T2D3|T3D3|B[23]2)H?")
 _GENERATORS: Final = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")  # keywords that generate nodes or elements
 _SETS: Final = ("ELSET", "SURFACE", "NSET")  # in the order in which they get a name that several of them have
 _READ: Final = ("NODE", "ELEMENT", *_SETS)
+_OF_MESH: Final = ("NODE", "ELEMENT")  # types of surfaces, other than analytical ones
 _FLAGS: Final = ("GENERATE", "INTERNAL", "UNSORTED")  # options without a value
-_MAX_NUMBER: Final = 2**62  # of an element
 
 _Member: TypeAlias = str | int | range  # of a set of elements or nodes: another set, a number, or numbers
 _Members: TypeAlias = defaultdict[str, list[_Member]]  # by the side of the elements that a surface names, else ""
@@ -502,7 +502,7 @@ class _AbaqusFile:
                 raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")
             elif keyword == "ELEMENT":
                 self._read_elements(options, rows)
-            elif keyword in _SETS and options.get("TYPE", "NODE").upper() in ("NODE", "ELEMENT"):
+            elif keyword in _SETS and "COMBINE" not in options and options.get("TYPE", "NODE").upper() in _OF_MESH:
                 self._read_set(keyword, options, rows, of_assembly)
 
     def _read_nodes(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
@@ -535,7 +535,7 @@ class _AbaqusFile:
         for words in rows:
             if "GENERATE" in options:
                 first, last, *step = map(int, words)
-                members[""].append(range(first, min(last, _MAX_NUMBER) + 1, *step))
+                members[""].append(range(first, last + 1, *step))
             else:
                 # without quotes, and without the name of the instance
                 names = [word.replace('"', "").strip().upper().rpartition(".")[2] for word in words]
