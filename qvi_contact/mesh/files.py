@@ -2,9 +2,9 @@
 
 Names are physical names in .msh files, groups in .med files, and those of sets in .inp files, in upper or lower case:
 element sets (ELSET), with line elements such as T3D2 for curves, then surfaces (SURFACE), and node sets (NSET), which
-stand for the sides on the boundary between two of their nodes. Names that a part and its assembly both use are left
-out. VTK files have no names. Middle nodes of elements of higher order and points without a triangle are left out, so
-sides are straight.
+stand for the sides on the boundary between two of their nodes. Names that a part and its assembly both use, and
+surfaces that combine others, are left out. VTK files have no names. Middle nodes of elements of higher order and points
+without a triangle are left out, so sides are straight.
 
 Files of Gmsh, formats 2.2 and 4.1, text or binary, and of Abaqus are read here, the others by meshio. In Abaqus files
 meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses
