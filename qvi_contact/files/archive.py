@@ -357,7 +357,7 @@ class StepStore(Sequence[ContactResult]):
                 existing: Any = json.loads(header.read_text(encoding="utf-8"))
             except (OSError, ValueError, RecursionError):
                 existing = None
-            if not isinstance(existing, dict) or not expected.items() <= existing.items():
+            if existing != expected:
                 remedy = "belongs to another history, with other problems or options, or to none: give a new folder"
                 raise InputError("store", str(header), remedy)
         elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write that was killed

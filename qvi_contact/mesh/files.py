@@ -2,9 +2,9 @@
 
 Names are physical names in .msh files, groups in .med files, and those of sets in .inp files, in upper or lower case:
 element sets (ELSET), with line elements such as T3D2 for curves, then surfaces (SURFACE), and node sets (NSET), which
-stand for the sides on the boundary between two of their nodes. Names that a part and its assembly both use are left
-out. VTK files have no names. Middle nodes of elements of higher order and points without a triangle are left out, so
-sides are straight.
+stand for the sides on the boundary between two of their nodes. Names that a part and its assembly both use, and
+surfaces that combine others, are left out. VTK files have no names. Middle nodes of elements of higher order and points
+without a triangle are left out, so sides are straight.
 
 Files of Gmsh, formats 2.2 and 4.1, text or binary, and of Abaqus are read here, the others by meshio. In Abaqus files
 meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses
@@ -16,10 +16,12 @@ views) are skipped.
 import io
 import re
 import warnings
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
 from importlib import import_module
-from itertools import groupby
+from itertools import chain, combinations, groupby
+from math import dist
 from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeAlias
 
@@ -390,13 +392,12 @@ _TRUSS: Final = re.compile(r"(?:(T2D2|T3D2|R2D2|B[23][13])|T2D3|T3D3|B[23]2)H?")
 _GENERATORS: Final = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")  # keywords that generate nodes or elements
 _SETS: Final = ("ELSET", "SURFACE", "NSET")  # in the order in which they get a name that several of them have
 _READ: Final = ("NODE", "ELEMENT", *_SETS)
+_OF_MESH: Final = ("NODE", "ELEMENT")  # types of surfaces, other than analytical ones
 _FLAGS: Final = ("GENERATE", "INTERNAL", "UNSORTED")  # options without a value
-_MAX_NUMBER: Final = 2**62  # of an element
 
-_Member: TypeAlias = str | int | range
-"""Member of a set of elements or nodes: the name of another set, a number, or a range of numbers."""
-_Key: TypeAlias = tuple[str, bool, str]
-"""Keyword of a set, whether it belongs to an assembly, and its name in upper case."""
+_Member: TypeAlias = str | int | range  # of a set of elements or nodes: another set, a number, or numbers
+_Members: TypeAlias = defaultdict[str, list[_Member]]  # by the side of the elements that a surface names, else ""
+_Key: TypeAlias = tuple[str, bool, str]  # keyword of a set, whether it belongs to an assembly, name in upper case
 
 
 def _lines_of(path: Path, including: tuple[Path, ...] = ()) -> Iterator[str]:
@@ -424,7 +425,8 @@ class _AbaqusFile:
         self._path = path
         self._nodes = dict[int, list[float]]()
         self._elements = dict[int, list[int]]()  # nodes of each: 2 or 3 of lines, else 4
-        self._members = dict[_Key, list[tuple[_Member, str]]]()  # with the side of elements in a surface, else ""
+        self._shells = set[int]()  # numbers of shells and membranes
+        self._members = defaultdict[_Key, _Members](lambda: defaultdict(list))
         self._called = dict[_Key, str]()  # the spelling of the names of sets, but not of sets that programs have named
         self._sections = list[tuple[str, dict[str, str], list[str]]]()
         is_continued = False
@@ -434,7 +436,7 @@ class _AbaqusFile:
                 if line.startswith("*"):
                     self._sections.append((" ".join(words.pop(0).upper().split()), {}, []))
                 pairs = (word.partition("=") for word in words)
-                self._sections[-1][1].update({key.strip().upper(): value.strip() for key, _, value in pairs})
+                self._sections[-1][1].update({key.strip().upper(): value.strip(' \t"') for key, _, value in pairs})
                 is_continued = line.endswith(",")
             elif self._sections and self._sections[-1][0] in (*_READ, "SYSTEM", "INSTANCE"):
                 self._sections[-1][2].append(line)
@@ -449,7 +451,9 @@ class _AbaqusFile:
         nodes_of = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
         row_of = {number: row for row, number in enumerate(n for n, nodes in nodes_of.items() if len(nodes) == 4)}
         corners = np.array([nodes_of[number] for number in row_of], dtype=np.int64).reshape(-1, 4)
-        (ends, on_boundary), is_triangle = _sides(corners), corners[:, 2] == corners[:, 3]
+        ends, on_boundary = _sides(corners)
+        place = np.where((corners[:, 2] == corners[:, 3])[:, None], [1, 2, -9, 3], [1, 2, 3, 4])  # of triangles, quads
+        place_on_shells = place + 2 * np.isin(list(row_of), list(self._shells))[:, None]
         edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
         for key, name in sorted(self._called.items(), key=lambda item: _SETS.index(item[0][0])):
             keyword, of_assembly, upper = key
@@ -457,21 +461,22 @@ class _AbaqusFile:
             if is_ambiguous or (keyword != "ELSET" and upper in map(str.upper, edge_sets)):
                 continue  # an element set and a node set of one name, as programs write them, are a region and edges
             lines = [np.empty((0, 2), np.int64)]
-            for side in dict.fromkeys(side for _, side in self._members[key]):
-                numbers = self._numbers(key, [member for member, of_side in self._members[key] if of_side == side])
+            for side, members in self._members[key].items():
+                numbers = self._numbers(key, members)
                 if keyword == "NSET":
                     boundary = ends[on_boundary]
                     lines.append(boundary[np.isin(boundary, [index[number] for number in numbers]).all(axis=1)])
                     continue
-                trusses = [_ends(nodes_of[number], points) for number in numbers if number not in row_of]
+                pairs = (combinations(nodes_of[number], 2) for number in numbers if number not in row_of)
+                trusses = [max(each, key=lambda pair: dist(*(points[node] for node in pair))) for each in pairs]
                 cells = np.array([row_of[number] for number in numbers if number in row_of], dtype=np.int64)
                 lines.append(np.array(trusses, dtype=np.int64).reshape(-1, 2))
                 if keyword == "ELSET":
                     regions |= {name: cells} if len(cells) else {}
-                else:  # the third side of a triangle, ca, is the fourth in `ends`; without a number all on the boundary
-                    place = np.where(is_triangle[cells] & (side[1:] == "3"), "4", side[1:])
-                    chosen = place[:, None] == ["1", "2", "3", "4"] if side else on_boundary[cells]
-                    lines.append(ends[cells][chosen])
+                else:  # S1 … are sides, but of CalculiX's shells two faces, then sides; E1 … are sides
+                    number = int(side[1:]) if side[1:].isdigit() else -1
+                    is_side = (place if side[:1] == "E" else place_on_shells) == number if side else on_boundary
+                    lines.append(ends[cells][is_side[cells]])
             edges = np.unique(np.concatenate(lines), axis=0)
             edge_sets |= {name: edges} if len(edges) else {}
         return MeshParts(np.array(points, dtype=float).reshape(-1, 3), corners, edge_sets, regions)
@@ -489,7 +494,7 @@ class _AbaqusFile:
                 remedy = f"holds *{keyword}, which moves or makes nodes: write all nodes where they are"
                 raise InputError("mesh", "", remedy)
             if keyword in _READ and "INPUT" in options:
-                data += _lines_of(self._path.parent / options["INPUT"].strip('"'), (self._path.resolve(),))
+                data += _lines_of(self._path.parent / options["INPUT"], (self._path.resolve(),))
             rows = (line.rstrip(",").split(",") for line in data)
             if keyword == "NODE" and not of_assembly:  # nodes of assemblies are reference points
                 self._read_nodes(options, rows)
@@ -497,16 +502,16 @@ class _AbaqusFile:
                 raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")
             elif keyword == "ELEMENT":
                 self._read_elements(options, rows)
-            elif keyword in _SETS and options.get("TYPE", "NODE").upper() in ("NODE", "ELEMENT"):
+            elif keyword in _SETS and "COMBINE" not in options and options.get("TYPE", "NODE").upper() in _OF_MESH:
                 self._read_set(keyword, options, rows, of_assembly)
 
     def _read_nodes(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
-        members = self._set("NSET", options, of_assembly=False) if "NSET" in options else []
+        members = self._set("NSET", options, of_assembly=False)[""] if "NSET" in options else []
         for number, *coordinates in rows:
             point = [*(float(word.upper().replace("D", "E")) for word in coordinates), 0.0, 0.0][:3]
             if self._nodes.setdefault(int(number), point) != point:
                 raise ValueError(f"two nodes have the number {number}")
-            members.append((int(number), ""))
+            members.append(int(number))
 
     def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
         kind = options.get("TYPE", "")
@@ -519,8 +524,10 @@ class _AbaqusFile:
             if number in self._elements:
                 raise ValueError(f"two elements have the number {number}")
             self._elements[number] = nodes if truss else [*nodes[:3], nodes[2 if count in (3, 6) else 3]]
+        if kind.upper().startswith(("S", "M3D")):
+            self._shells.update(table[:, 0].tolist())
         if "ELSET" in options:
-            self._set("ELSET", options, of_assembly=False).extend((number, "") for number in table[:, 0].tolist())
+            self._set("ELSET", options, of_assembly=False)[""] += table[:, 0].tolist()
 
     def _read_set(self, keyword: str, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
         is_surface, of_nodes = keyword == "SURFACE", options.get("TYPE", "").upper() == "NODE"
@@ -528,27 +535,28 @@ class _AbaqusFile:
         for words in rows:
             if "GENERATE" in options:
                 first, last, *step = map(int, words)
-                members.append((range(first, min(last, _MAX_NUMBER) + 1, *step), ""))
+                members[""].append(range(first, last + 1, *step))
             else:
-                names = [word.strip().upper().rpartition(".")[2] for word in words]  # without that of the instance
+                # without quotes, and without the name of the instance
+                names = [word.replace('"', "").strip().upper().rpartition(".")[2] for word in words]
                 side = names[1] if is_surface and not of_nodes and len(names) > 1 else ""
                 used = filter(None, names[:1] if is_surface else names)
-                members += [(int(name) if name.isdigit() else name, side) for name in used]
+                members[side] += [int(name) if name.isdigit() else name for name in used]
 
-    def _set(self, keyword: str, options: dict[str, str], *, of_assembly: bool) -> list[tuple[_Member, str]]:
-        """The list of members of the set that the options name."""
+    def _set(self, keyword: str, options: dict[str, str], *, of_assembly: bool) -> _Members:
+        """The members of the set that the options name."""
         name = options.get(keyword) or options.get("NAME", "")
         if not name:
             raise ValueError(f"a set (*{keyword}) has no name")
         key = keyword, of_assembly, name.upper()
         if "INTERNAL" not in options or (keyword, of_assembly) == ("ELSET", False):
             self._called.setdefault(key, name)
-        return self._members.setdefault(key, [])
+        return self._members[key]
 
     def _numbers(self, key: _Key, members: list[_Member]) -> list[int]:
         """The elements, or nodes, among members of a set and of the sets among these, in ascending order."""
         keyword, known = ("NSET", self._nodes.keys()) if key[0] == "NSET" else ("ELSET", self._elements.keys())
-        numbers, seen, pending = set[int](), {key[2]} if keyword == key[0] else set[str](), members
+        numbers, seen, pending = set[int](), {key[2]} if keyword == key[0] else set[str](), list(members)
         while pending:
             member = pending.pop()
             if isinstance(member, range):
@@ -560,11 +568,5 @@ class _AbaqusFile:
                 nested = self._members.get((keyword, key[1], member), self._members.get((keyword, False, member)))
                 if nested is None:
                     raise ValueError(f"there is no set {member} (*{keyword})")
-                pending += [each for each, _ in nested]
+                pending += chain.from_iterable(nested.values())
         return sorted(numbers & known)
-
-
-def _ends(nodes: list[int], points: list[list[float]]) -> list[int]:
-    """The end nodes of a line: its two nodes, or those two of three nodes that are farthest apart."""
-    pairs = [nodes[:2], nodes[1:], nodes[::2]] if len(nodes) == 3 else [nodes]
-    return max(pairs, key=lambda pair: float(np.hypot(*np.subtract(points[pair[0]], points[pair[1]])[:2])))

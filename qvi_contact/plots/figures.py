@@ -134,8 +134,8 @@ def _with_texts(axes: "Axes", box: FloatArray, written: Sequence[Written]) -> Fl
 
 def _answer(result: ContactResult, units: Units) -> str:
     """Forces and states of the contacts with the largest forces, obstacles before joints; the status if not solved."""
-    joint_names = {joint.name for joint in result.problem.joints}
-    lines = sorted(result.contacts.values(), key=lambda line: (line.name in joint_names, -abs(line.normal_force)))
+    joints, contacts = {joint.name for joint in result.problem.joints}, result.contacts.values()
+    lines = sorted(contacts, key=lambda line: (line.name in joints, float(f"{-abs(line.normal_force):.6e}")))
     sentences, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
     for line in lines[:_NAMED]:
         normal, tangential = beside(line.forces)

@@ -48,7 +48,7 @@ _CANCELLED: Final = 8.0 * np.finfo(float).eps  # size of a sum, relative to its 
 def _sum(one: Any, other: Any) -> Any:
     """The sum of two terms, 0 if it is rounding."""
     value = np.add(one, other)
-    return np.where(np.abs(value) <= _CANCELLED * np.abs(one), 0.0, value)
+    return np.where(np.abs(value) < _CANCELLED * np.abs(one), 0.0, value)  # infinity is not below itself
 
 
 _OPERATORS: Final[Mapping[type, Any]] = {
