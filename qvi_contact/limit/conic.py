@@ -128,16 +128,17 @@ class ConicProgram:
             settings.static_regularization_constant = regularisation
             settings.time_limit = max(deadline.left, _LEAST_TIME)
             answer = clarabel.DefaultSolver(*data, settings).solve()
+            if str(answer.status).endswith("DualInfeasible"):
+                if self.falls:
+                    return UNBOUNDED
+                settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
+                settings.reduced_tol_infeas_abs = settings.reduced_tol_infeas_rel = _NEVER
+                answer = clarabel.DefaultSolver(*data, settings).solve()
             if str(answer.status) not in ("NumericalError", "InsufficientProgress"):
                 break
             failed.append(answer)
         else:
             answer = min(failed, key=lambda each: np.nan_to_num(each.r_prim, nan=np.inf))
-        if str(answer.status).endswith("DualInfeasible"):
-            if self.falls:
-                return UNBOUNDED
-            settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
-            answer = clarabel.DefaultSolver(*data, settings).solve()
         status, scaled_x = str(answer.status), np.array(answer.x)
         scaled_x *= min(1.0, _ENDLESS / float(np.abs(scaled_x).max(initial=1.0)))
         x = unit * scaled_x / scale

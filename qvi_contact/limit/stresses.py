@@ -444,13 +444,20 @@ class StressProgram:
             return first
         with suppress(SolveError):  # an upper bound only; without it all signs are tried
             most = solve(np.full(len(undecided), ROUGH))
-        if most.factor <= first.factor:
+        if most.bound <= first.factor + CERTIFIED * (1.0 + abs(first.factor)):
             return first
         trials = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
             normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
             trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
-        return max([first, *map(solve, np.unique(trials, axis=0))], key=lambda each: each.factor)
+        found = [first]
+        for signs in np.unique(trials, axis=0):
+            try:
+                found.append(solve(signs))
+            except SolveError:  # other answers stay valid
+                if first.factor == -np.inf:
+                    raise
+        return max(found, key=lambda each: each.factor)
 
     def _by_simplex(self, signs: IntArray) -> Carried:
         H, limit = whole_edge_rows(self.low, signs)
