@@ -322,12 +322,12 @@ def limit_sentence(limit: LimitLoad) -> str:
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
-    """The result of a limit analysis for JSON, where infinite factors are null: `outcome` tells them apart."""
-    outcome = "none" if limit.upper == -math.inf else "bounded"
-    outcome = "unbounded" if limit.upper == math.inf and limit.in_time else outcome
+    """The result for JSON, where infinite factors are null: `outcome` and `in_time` tell what that means."""
+    outcome = "unbounded" if limit.upper == math.inf else "none" if limit.upper == -math.inf else "bounded"
     are_bounds = limit.collapse is None or limit.collapse.guaranteed
     document: dict[str, Any] = {
-        "outcome": outcome,
+        "outcome": outcome if limit.in_time else "bounded",
+        "in_time": limit.in_time,
         "bounds": are_bounds,
         "factor": limit.lower,
         "upper": limit.upper,

@@ -52,6 +52,7 @@ _LEAST_TIME: Final = 1.0  # least time limit of one program, in seconds
 
 INFEASIBLE: Final = "infeasible"
 UNBOUNDED: Final = "unbounded"
+LATE: Final = "limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells"
 
 Rows: TypeAlias = tuple[Any, FloatArray]
 """Sparse rows A and constants b of s = b − A x."""
@@ -145,7 +146,7 @@ class ConicProgram:
         if status.endswith("PrimalInfeasible"):
             return INFEASIBLE
         if status == "MaxTime":
-            raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
+            raise SolveError(LATE)
         if not np.isfinite(x).all():
             raise SolveError(
                 f"limit load: the cone program was not solved ({status}): take other units, or a coarser mesh"

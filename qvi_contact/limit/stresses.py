@@ -27,7 +27,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import APART, FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
+from qvi_contact.limit.conic import APART, FACES, HELD, LATE, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
@@ -153,15 +153,6 @@ def _affine(ends: FloatArray, degree: int) -> FloatArray:
     return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, degree + 1)).ravel()
 
 
-def _of_contacts(problem: ContactProblem) -> Iterator[float]:
-    """The largest cohesion and cap of each contact."""
-    for contact in problem.contacts:
-        places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
-        for name in ("cohesion", "shear_limit"):
-            if (field := getattr(contact, name)) is not None:
-                yield float(evaluate(f"Contact.{name}", field, *places, minimum=0.0).max())
-
-
 def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> FloatArray:
     """End values (e, 2) ≥ 0 of affine functions below a field: its lowered chord, else its least value."""
     values = evaluate(name, field, *problem.mesh.points_along(edges, ALONG), minimum=0.0)
@@ -195,7 +186,12 @@ class YieldCones:
         """The cones for stresses of a degree; with `above`, for the dissipation of flow."""
         count, number = len(exponents(degree)), problem.cell_materials
         blocks = [(np.zeros(0), np.zeros(0, dtype=bool), *np.zeros((3, 0)))]
-        strengths = list(_of_contacts(problem))
+        strengths = list[float]()
+        for contact in problem.contacts:
+            places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
+            fields = {name: getattr(contact, name) for name in ("cohesion", "shear_limit")}
+            strengths += [float(evaluate(f"Contact.{name}", field, *places, minimum=0.0).max())
+                          for name, field in fields.items() if field is not None]  # fmt: skip
         for index, material in enumerate(problem.materials):
             cells = np.flatnonzero(number == index)
             if material.strength is None or not len(cells):
@@ -426,6 +422,8 @@ class StressProgram:
                     return Carried(np.inf)
             if np.isfinite(carried.factor):
                 break
+        if carried.factor == -np.inf and deadline.over:
+            raise SolveError(LATE)
         return carried
 
     def carried_by_contacts(self) -> Carried:
@@ -498,7 +496,7 @@ class StressProgram:
                 return Carried(-np.inf, bound=-np.inf)
             raise SolveError(_AT_LIMIT)
         if answer.status == TIME_LIMIT:
-            raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
+            raise SolveError(LATE)
         if not answer.solved:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
         # violation of the answer, and the bound of its multipliers, see `carried_by_contacts`

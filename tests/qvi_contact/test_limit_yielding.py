@@ -21,7 +21,7 @@ from qvi_contact import (
     strength_reduction_factor,
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.limit import FlowProgram, StressProgram, check
+from qvi_contact.limit import FlowProgram, LimitProblem, StressProgram, check
 from qvi_contact.problem import (
     Contact,
     ContactProblem,
@@ -36,6 +36,7 @@ from qvi_contact.problem import (
     Traction,
     Tresca,
 )
+from solvers.basics import deadline
 from tests.cases import refused_at, thinned
 from tests.qvi_contact.test_limit_answers import ground
 
@@ -117,6 +118,8 @@ def test_what_does_not_carry_its_weight_carries_no_multiple_of_an_even_pressure(
     heavy = ContactProblem(mesh, metal, [Contact("bottom", 0.0), *even], lambda _, y: y)
     assert limit_load_factor(heavy, ["body"], degree=3).upper < 0.1
     assert limit_load_factor(heavy, loads, degree=3).lower == -np.inf
+    with deadline(1e-9), pytest.raises(SolveError, match="time limit"):  # it does not mean that nothing is carried
+        LimitProblem.of(heavy, tuple(loads), 3).stresses.carried()
     assert limit_load_factor(replace(heavy, body_potential=0.0), loads, degree=3).lower == np.inf
     lifted = replace(stretched(NoTension()), body_potential=lambda _, y: -4.0 * y)
     lifted = replace(lifted, conditions=[Traction("top", x=0.0, y=-1.0), *lifted.conditions[1:]])
@@ -547,6 +550,8 @@ def test_at_its_time_limit_a_limit_load_has_the_side_that_is_known(tmp_path, she
     monkeypatch.setattr("clarabel.DefaultSolver", lambda *data: late if clock[0] > 5.0 else true(*data))
     monkeypatch.setattr("solvers.basics.progress.time", SimpleNamespace(monotonic=lambda: clock[0]))
     save_problem(tmp_path / "torn.toml", stretched(Tresca(0.7)))
+    pressed = [Traction("top", x=0.0, y=-1.0), Traction("right", x=-1.0, y=0.0), *stretched(None).conditions[2:]]
+    even, held = replace(stretched(Tresca(0.7)), conditions=pressed), block(Tresca(1.5), 0.9, 2.0, (2, 1))
     for owner, name, factor in ((FlowProgram, "_program", 0.6), (StressProgram, "program", -np.inf)):
         with monkeypatch.context() as patched:
             true_program = getattr(owner, name)
@@ -556,6 +561,13 @@ def test_at_its_time_limit_a_limit_load_has_the_side_that_is_known(tmp_path, she
             assert (slipping.lower, slipping.upper) == (pytest.approx(factor), pytest.approx(0.6))  # of rigid blocks
             clock[0] = 0.0
             status, out, err = shell("limit", tmp_path / "torn.toml", "--load", "top", "--time-limit=5")
+            for finds in (
+                lambda: limit_load_factor(even, ["top", "right"], time_limit=5.0).in_time,  # there is no other side
+                lambda: strength_reduction_factor(held, time_limit=5.0).lower == 1.0,
+            ):
+                clock[0] = 0.0
+                with nullcontext() if owner is FlowProgram else pytest.raises(SolveError, match="time limit"):
+                    assert finds()
         assert ("this mesh carries 1." in out, status) == (owner is FlowProgram, 1 if owner is FlowProgram else 2)
         assert (slipping.in_time, "time limit" in out + err) == (False, True)
 
