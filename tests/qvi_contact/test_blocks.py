@@ -81,12 +81,11 @@ def test_a_wall_that_is_stopped_has_the_answer_so_far():
 
 def test_each_bed_is_a_contact():
     """Their points have no unknown in common; head joints connect those of a masonry wall."""
-    mesh = TriangleMesh.rectangle((4, 9), 1.0, 3.0).with_joint("a", lambda _, y: np.isclose(y, 1.0))
+    mesh = TriangleMesh.rectangle((4, 9), 1.0, 3.0)
+    for name, level in (("a", 1.0), ("b", 2.0)):
+        mesh = mesh.with_joint(name, lambda _, y, level=level: np.isclose(y, level))
     contacts = [Contact(name, 0.6) for name in ("bottom", "a", "b")]
     loads = [Traction("left", 1.0, 0.0), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)]
-    wall = ContactProblem(
-        mesh.with_joint("b", lambda _, y: np.isclose(y, 2.0)), Material(1e3, 0.2), [*contacts, *loads]
-    )
-    contacts = discretize(wall).qvi.contact.contacts
+    contacts = discretize(ContactProblem(mesh, Material(1e3, 0.2), [*contacts, *loads])).qvi.contact.contacts
     assert np.unique(contacts, return_counts=True)[1].tolist() == [len(contacts) // 3] * 3
     assert set(discretize(masonry_wall(2, 2, ())).qvi.contact.contacts) == {0}
