@@ -214,8 +214,7 @@ class YieldCones:
         is_strong = self.strong | (np.bincount(self.cell[is_kept], minlength=len(self.strong)) == 0)
         # a coefficient of a weak triangle keeps a cone, however strong
         is_kept |= ~(is_strong[self.cell] | np.isin(self.coefficient, self.coefficient[is_kept]))
-        names = ("coefficient", "limit", "pressure", "mean")
-        fields_kept = {name: getattr(self, name)[is_kept] for name in names}
+        fields_kept = {name: getattr(self, name)[is_kept] for name in ("coefficient", "limit", "pressure", "mean")}
         is_first = np.isin(np.arange(is_kept.sum()), np.unique(fields_kept["coefficient"], return_index=True)[1])
         return replace(self, strong=is_strong, first=is_first, most=largest, **fields_kept)
 
@@ -525,8 +524,9 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ trace, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)  # max α; strong cones and rows relative to their own strength
-        # cones with a = 0 have no size of their own: rows are weighted relative to the loads, too
-        least = min(cones.least / self.low.scales.stress, np.inf if cones.limit.all() else 1.0)
+        # cones with a = 0 have no size of their own: rows are weighted relative to loads that are not multiplied, too
+        is_loaded = any(np.abs(values).max(initial=0.0) > ROUNDING for values in (s, n, self._equations[1]))
+        least = min(cones.least / self.low.scales.stress, 1.0 if is_loaded and not cones.limit.all() else np.inf)
         edge_scale, cone_scale = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = edge_scale @ H @ N, np.asarray(edge_scale @ (limit - H @ n))
         parts = [(cone_scale @ matrix, np.asarray(cone_scale @ constant)) for matrix, constant in parts]

@@ -91,6 +91,10 @@ def test_units_do_not_matter(unit):
     cornered = [Contact("bottom", 0.0), Contact("right", 0.0), Traction("left", x=1, y=0), Traction("top", x=0, y=-1)]
     pressed = replace(stretched(MohrCoulomb(1e7, 0.5)), conditions=cornered)  # loads are next to nothing
     assert limit_load_factor(pressed, ["left", "top"], degree=3).upper == np.inf
+    weak = Region(Material(1.0, 0.3, "strain", Tresca(unit)), name="weak")  # beside a part that has no tension
+    dry = stretched(NoTension(9.0 * unit), mesh=problem.mesh.with_region("weak", lambda _, y: y > 500.0))
+    dry = replace(dry, conditions=[Traction("top", x=0.0, y=-1.0), *dry.conditions[1:]], regions=[weak])
+    assert limit_load_factor(dry, ["top"], degree=3).lower == pytest.approx(2.0 * unit, rel=1e-6, abs=0.0)
 
 
 @pytest.mark.parametrize(("crushing", "weight", "exact"), [(3.0, 0.5, 2.019091), (3.0, 0.0, 2.4), (None, 0.5, np.inf)])
