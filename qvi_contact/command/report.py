@@ -305,7 +305,7 @@ def limit_sentence(limit: LimitLoad) -> str:
     """How much the mesh carries, and the body at most, in a sentence."""
     if limit.upper == -math.inf:
         return "no multiple can be carried"
-    if limit.in_time and limit.upper == limit.lower == math.inf:
+    if limit.upper == limit.lower == math.inf:
         return "no upper limit"
     if limit.collapse is not None and not limit.collapse.guaranteed:
         numbers = f"between about {_multiple(limit.lower)} and {_multiple(limit.upper)} these loads"
@@ -322,13 +322,12 @@ def limit_sentence(limit: LimitLoad) -> str:
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
-    """The result of a limit analysis for JSON, where infinite factors are null: `outcome` tells them apart."""
-    outcome = "none" if limit.upper == -math.inf else "bounded"
-    outcome = "unbounded" if limit.upper == math.inf and limit.in_time else outcome
-    are_bounds = limit.collapse is None or limit.collapse.guaranteed
+    """The result for JSON, where infinite factors are null: `outcome` and `in_time` tell what that means."""
+    outcome = "unbounded" if limit.upper == math.inf else "none" if limit.upper == -math.inf else "bounded"
     document: dict[str, Any] = {
-        "outcome": outcome,
-        "bounds": are_bounds,
+        "outcome": outcome if limit.in_time else "bounded",
+        "in_time": limit.in_time,
+        "bounds": limit.collapse is None or limit.collapse.guaranteed,
         "factor": limit.lower,
         "upper": limit.upper,
         "message": limit_sentence(limit),

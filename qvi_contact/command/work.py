@@ -192,7 +192,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             return _prove_not_carried(proof, problem_file, settings, {"target": target, **targets}, as_json)
         named: list[Any] = list(loads) or [Missing()]
         if not report.act(problem, checked_loads(problem, named, "--load")):
-            raise InputError("--load", ", ".join(loads), f"is 0{_first_time(problem_file)}: name a load to multiply")
+            told = ["is 0: name a load to multiply", *_time_remark(problem_file)]
+            raise InputError("--load", ", ".join(loads), ". ".join(told))
         if target is None:
             limit_load = limit_load_factor(problem, loads=list(loads), verbose=verbose, **settings)
         else:
@@ -234,14 +235,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     return 2 if not complete else 0 if is_found else 1
 
 
-def _first_time(file: ProblemFile) -> str:
-    """The time at which a limit analysis takes the loads, if the file has a history."""
-    return f" at t = {file.times[0]:g}, the first time of the history" if file.times else ""
-
-
 def _time_remark(file: ProblemFile) -> list[str]:
     """The remark that a limit analysis took the loads at the first time, if the file has a history."""
-    return [f"These loads are those{_first_time(file)}."] if file.times else []
+    return [f"These loads are those at t = {file.times[0]:g}, the first time of the history."] if file.times else []
 
 
 def _prove_not_carried(

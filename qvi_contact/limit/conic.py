@@ -52,6 +52,7 @@ _LEAST_TIME: Final = 1.0  # least time limit of one program, in seconds
 
 INFEASIBLE: Final = "infeasible"
 UNBOUNDED: Final = "unbounded"
+LATE: Final = "limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells"
 
 Rows: TypeAlias = tuple[Any, FloatArray]
 """Sparse rows A and constants b of s = b − A x."""
@@ -128,23 +129,24 @@ class ConicProgram:
             settings.static_regularization_constant = regularisation
             settings.time_limit = max(deadline.left, _LEAST_TIME)
             answer = clarabel.DefaultSolver(*data, settings).solve()
+            if str(answer.status).endswith("DualInfeasible"):
+                if self.falls:
+                    return UNBOUNDED
+                settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
+                settings.reduced_tol_infeas_abs = settings.reduced_tol_infeas_rel = _NEVER
+                answer = clarabel.DefaultSolver(*data, settings).solve()
             if str(answer.status) not in ("NumericalError", "InsufficientProgress"):
                 break
             failed.append(answer)
         else:
             answer = min(failed, key=lambda each: np.nan_to_num(each.r_prim, nan=np.inf))
-        if str(answer.status).endswith("DualInfeasible"):
-            if self.falls:
-                return UNBOUNDED
-            settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
-            answer = clarabel.DefaultSolver(*data, settings).solve()
         status, scaled_x = str(answer.status), np.array(answer.x)
         scaled_x *= min(1.0, _ENDLESS / float(np.abs(scaled_x).max(initial=1.0)))
         x = unit * scaled_x / scale
         if status.endswith("PrimalInfeasible"):
             return INFEASIBLE
         if status == "MaxTime":
-            raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
+            raise SolveError(LATE)
         if not np.isfinite(x).all():
             raise SolveError(
                 f"limit load: the cone program was not solved ({status}): take other units, or a coarser mesh"

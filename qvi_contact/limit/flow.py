@@ -330,25 +330,20 @@ class FlowProgram:
                 weights = self._edge_weights(edges, "Contact.pore_pressure", contact.pore_pressure)
                 yield FLUID, weights @ space.jumps(contact)[0]
         for name, potential in self.problem.body_forces.items():
-            if callable(potential):
-                yield name, self._body(potential)
+            if callable(potential):  # −∫ ∇φ·v dx for the polynomial that stands for φ in the stresses
+                k, row = self.k, np.zeros(space.size)
+                ordinates = coefficients_of(self.problem, k, potential)[0]
+                slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), ordinates)
+                force = -np.einsum("npcx,cf,np->npfx", slopes, _products(k - 1, space.degree), self._areas)
+                for axis in (0, 1):
+                    np.add.at(row, 2 * space.table + axis, force[..., axis] / S)
+                yield name, row
 
     def _edge_weights(self, edges: Edges, name: str, field: Field) -> FloatArray:
         """∫ f B_i ds (e · p,), dimensionless, from the first end of each edge on."""
         mesh, degree = self.space.mesh, self.space.degree
         field_on_edges = along_edges(mesh, edges, name, field)
         return (field_on_edges.moments(degree) * edges.length[:, None] / (self.scales.stress * mesh.length)).ravel()
-
-    def _body(self, field: Field) -> FloatArray:
-        """−∫ ∇φ·v dx for the polynomial that stands for φ in the stresses."""
-        space, k = self.space, self.k
-        potential = coefficients_of(self.problem, k, field)[0]
-        slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), potential)
-        force = -np.einsum("npcx,cf,np->npfx", slopes, _products(k - 1, space.degree), self._areas)
-        row = np.zeros(space.size)
-        for axis in (0, 1):
-            np.add.at(row, 2 * space.table + axis, force[..., axis] / self.scales.stress)
-        return row
 
     @cached_property
     def _slips(self) -> _Slips:

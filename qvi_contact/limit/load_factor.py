@@ -15,7 +15,7 @@ from qvi_contact.basics.checks import FloatArray, acts, instance_of, names_among
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
-from qvi_contact.limit.conic import APART, ROUNDING
+from qvi_contact.limit.conic import APART, LATE, ROUNDING
 from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram
 from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram, YieldCones
@@ -244,7 +244,7 @@ class LimitProblem:
         try:
             flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
         except SolveError:
-            in_time = False
+            in_time = carried.factor == np.inf  # then there is no other side
             if not deadline.over or carried.factor == -np.inf == -of_blocks:
                 raise
         upper = min(flow.bound, of_blocks)
@@ -392,7 +392,7 @@ def strength_reduction_factor(
         """The logarithm of the load factor with strengths over e^u; positive if the loads are carried."""
         if u not in limits:
             if limits and deadline.over:  # else each program of one more factor would take its least time
-                raise SolveError("limit load: the time limit was reached")
+                raise SolveError(LATE)
             limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), all_loads, degree).limit
             limits[u] = limit.lower, limit.upper
             log.line(math.exp(u), *limits[u])
@@ -411,6 +411,8 @@ def strength_reduction_factor(
         log.begin({"strengths": ", ".join(sorted(chosen)), "accuracy": accuracy})
         carried, fallen = (_searched(spare, ends, side, math.log1p(accuracy)) for side in (0, 1))
         factor = StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]), not deadline.over)
+        if factor.lower == 0.0 and factor.upper == math.inf and not factor.in_time:
+            raise SolveError(LATE)
         log.end("solved", f"carried up to {factor.lower:.6g}, not beyond {factor.upper:.6g}", {}, solved=True)
         return factor
 

@@ -27,7 +27,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import APART, FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
+from qvi_contact.limit.conic import APART, FACES, HELD, LATE, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
@@ -153,15 +153,6 @@ def _affine(ends: FloatArray, degree: int) -> FloatArray:
     return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, degree + 1)).ravel()
 
 
-def _of_contacts(problem: ContactProblem) -> Iterator[float]:
-    """The largest cohesion and cap of each contact."""
-    for contact in problem.contacts:
-        places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
-        for name in ("cohesion", "shear_limit"):
-            if (field := getattr(contact, name)) is not None:
-                yield float(evaluate(f"Contact.{name}", field, *places, minimum=0.0).max())
-
-
 def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> FloatArray:
     """End values (e, 2) ≥ 0 of affine functions below a field: its lowered chord, else its least value."""
     values = evaluate(name, field, *problem.mesh.points_along(edges, ALONG), minimum=0.0)
@@ -195,7 +186,12 @@ class YieldCones:
         """The cones for stresses of a degree; with `above`, for the dissipation of flow."""
         count, number = len(exponents(degree)), problem.cell_materials
         blocks = [(np.zeros(0), np.zeros(0, dtype=bool), *np.zeros((3, 0)))]
-        strengths = list(_of_contacts(problem))
+        strengths = list[float]()
+        for contact in problem.contacts:
+            places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
+            fields = {name: getattr(contact, name) for name in ("cohesion", "shear_limit")}
+            strengths += [float(evaluate(f"Contact.{name}", field, *places, minimum=0.0).max())
+                          for name, field in fields.items() if field is not None]  # fmt: skip
         for index, material in enumerate(problem.materials):
             cells = np.flatnonzero(number == index)
             if material.strength is None or not len(cells):
@@ -218,8 +214,7 @@ class YieldCones:
         is_strong = self.strong | (np.bincount(self.cell[is_kept], minlength=len(self.strong)) == 0)
         # a coefficient of a weak triangle keeps a cone, however strong
         is_kept |= ~(is_strong[self.cell] | np.isin(self.coefficient, self.coefficient[is_kept]))
-        names = ("coefficient", "limit", "pressure", "mean")
-        fields_kept = {name: getattr(self, name)[is_kept] for name in names}
+        fields_kept = {name: getattr(self, name)[is_kept] for name in ("coefficient", "limit", "pressure", "mean")}
         is_first = np.isin(np.arange(is_kept.sum()), np.unique(fields_kept["coefficient"], return_index=True)[1])
         return replace(self, strong=is_strong, first=is_first, most=largest, **fields_kept)
 
@@ -426,6 +421,8 @@ class StressProgram:
                     return Carried(np.inf)
             if np.isfinite(carried.factor):
                 break
+        if carried.factor == -np.inf and deadline.over:
+            raise SolveError(LATE)
         return carried
 
     def carried_by_contacts(self) -> Carried:
@@ -444,13 +441,20 @@ class StressProgram:
             return first
         with suppress(SolveError):  # its bound holds for all signs; without it they are tried
             most = solve(np.full(len(undecided), ROUGH))
-        if max(most.factor, most.bound) <= first.factor + CERTIFIED * abs(first.factor):
+        if most.bound <= first.factor + CERTIFIED * (1.0 + abs(first.factor)):
             return first
         trials = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
             normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
             trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
-        return max([first, *map(solve, np.unique(trials, axis=0))], key=lambda each: each.factor)
+        found = [first]
+        for signs in np.unique(trials, axis=0):
+            try:
+                found.append(solve(signs))
+            except SolveError:  # other answers stay valid
+                if first.factor == -np.inf:
+                    raise
+        return max(found, key=lambda each: each.factor)
 
     def _by_simplex(self, signs: IntArray) -> Carried:
         H, limit = whole_edge_rows(self.low, signs)
@@ -491,7 +495,7 @@ class StressProgram:
                 return Carried(-np.inf, bound=-np.inf)
             raise SolveError(_AT_LIMIT)
         if answer.status == TIME_LIMIT:
-            raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
+            raise SolveError(LATE)
         if not answer.solved:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
         # violation of the answer, and the bound of its multipliers, see `carried_by_contacts`
@@ -520,8 +524,9 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ trace, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)  # max α; strong cones and rows relative to their own strength
-        # cones with a = 0 have no size of their own: rows are weighted relative to the loads, too
-        least = min(cones.least / self.low.scales.stress, np.inf if cones.limit.all() else 1.0)
+        # cones with a = 0 have no size of their own: rows are weighted relative to loads that are not multiplied, too
+        is_loaded = any(np.abs(values).max(initial=0.0) > ROUNDING for values in (s, n, self._equations[1]))
+        least = min(cones.least / self.low.scales.stress, 1.0 if is_loaded and not cones.limit.all() else np.inf)
         edge_scale, cone_scale = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = edge_scale @ H @ N, np.asarray(edge_scale @ (limit - H @ n))
         parts = [(cone_scale @ matrix, np.asarray(cone_scale @ constant)) for matrix, constant in parts]

@@ -235,13 +235,12 @@ class Rigid:
         moved = motion.contacts.values()
         if np.isinf(motion.overload) and any(each.slides for each in moved) and any(each.opens for each in moved):
             # If nothing resists, many motions prove it. One without slip shows that friction is not the reason.
-            answer = None
             with suppress(SolveError):  # the first motion is a proof already
                 answer = optimum(_Program(self, self.lines, slipping=False))
-            if answer is not None and answer[0].any():
-                tipped = self._mechanism(answer[0], names)
-                if proves(tipped) and np.isinf(tipped.overload):
-                    return tipped
+                if answer is not None and answer[0].any():
+                    tipped = self._mechanism(answer[0], names)
+                    if proves(tipped) and np.isinf(tipped.overload):
+                        return tipped
         return motion
 
     def dearest(self, names: Sequence[str], others: Sequence[str]) -> Mechanism | None:

@@ -22,7 +22,7 @@ TIME_LIMIT, INFEASIBLE, UNBOUNDED = 1, 2, 3
 
 _SOLVED, _FAILED = 0, 4
 _NOTHING: Vector = np.zeros(0)
-_LONGEST: Final = 300.0  # seconds
+_LONGEST: Final = 300.0  # seconds of all attempts together
 _LARGEST_SIMPLEX: Final = 4000  # rows up to which the simplex method is faster
 _MOST_STEPS: Final = 2000  # of the interior point method with crossover; 11 to 250 are usual, cycling has no end
 _MOST_PIVOTS: Final = 10  # steps of the simplex method, over rows and unknowns; up to 3 are usual
@@ -61,17 +61,16 @@ def solved(cost: Vector, *, bounds: Sequence[tuple[float | None, float | None]],
     cost_bounds = [end[int(c < 0.0)] for c, end in zip(cost.tolist(), bounds, strict=True) if c]
     is_bounded = all(end is not None and math.isfinite(end) for end in cost_bounds)  # the cost, by the bounds alone
     answer = Answer(_FAILED, "")
-    for method, presolve, tolerance in (*_INTERIOR * is_large, *_SIMPLEX, *_INTERIOR * (not is_large)):
-        options: dict[str, Any] = {"presolve": presolve, "time_limit": min(_LONGEST, deadline.left)}
-        options |= dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), tolerance)
-        options["maxiter"] = most_pivots if method == "highs" else _MOST_STEPS
-        answer = _checked_answer(cost, {**program, "bounds": bounds, "method": method, "options": options})
-        if answer.solved:
-            break  # callers check a solution of lower accuracy
-        failed = answer.status == _FAILED or (is_bounded and answer.status == UNBOUNDED)
-        is_final = deadline.over or not (failed or answer.status == TIME_LIMIT)
-        if is_final and tolerance == _INTERIOR[0][2]:
-            break
+    with deadline(_LONGEST):
+        for method, presolve, tolerance in (*_INTERIOR * is_large, *_SIMPLEX, *_INTERIOR * (not is_large)):
+            options: dict[str, Any] = {"presolve": presolve, "time_limit": deadline.left}
+            options |= dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), tolerance)
+            options["maxiter"] = most_pivots if method == "highs" else _MOST_STEPS
+            answer = _checked_answer(cost, {**program, "bounds": bounds, "method": method, "options": options})
+            failed = answer.status == _FAILED or (is_bounded and answer.status == UNBOUNDED)
+            is_final = deadline.over or not (failed or answer.status == TIME_LIMIT)
+            if answer.solved or (is_final and tolerance == _INTERIOR[0][2]):
+                break  # callers check a solution of lower accuracy
     return answer
 
 

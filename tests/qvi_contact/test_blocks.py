@@ -1,11 +1,9 @@
 """Bodies of many blocks: limits that are known by hand, and states of their joints."""
 
-import time
-
 import numpy as np
 import pytest
 
-from qvi_contact import TriangleMesh, discretize, limit_load_factor, solve, strength_reduction_factor
+from qvi_contact import TriangleMesh, discretize, limit_load_factor, solve
 from qvi_contact.gallery import jointed_slope, masonry_wall
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Material, Traction
@@ -48,14 +46,6 @@ def test_a_dry_slope_has_the_factor_of_safety_of_a_plane(dip):
     assert solve(slides).status is Status.INFEASIBLE
 
 
-def test_a_linear_program_in_which_the_simplex_method_cycles_ends():
-    """Without a limit of its steps it went on for half a minute where the slope is about to slide."""
-    began = time.process_time()
-    safety = strength_reduction_factor(jointed_slope(6))
-    assert 1.0463 < safety.lower < safety.upper < 1.0472
-    assert time.process_time() - began < 15.0
-
-
 def test_joints_that_open_have_forces_in_balance():
     """Where a wall is soft little force out of balance is much stress: the method itself has to balance it.
 
@@ -91,12 +81,11 @@ def test_a_wall_that_is_stopped_has_the_answer_so_far():
 
 def test_each_bed_is_a_contact():
     """Their points have no unknown in common; head joints connect those of a masonry wall."""
-    mesh = TriangleMesh.rectangle((4, 9), 1.0, 3.0).with_joint("a", lambda _, y: np.isclose(y, 1.0))
+    mesh = TriangleMesh.rectangle((4, 9), 1.0, 3.0)
+    for name, level in (("a", 1.0), ("b", 2.0)):
+        mesh = mesh.with_joint(name, lambda _, y, level=level: np.isclose(y, level))
     contacts = [Contact(name, 0.6) for name in ("bottom", "a", "b")]
     loads = [Traction("left", 1.0, 0.0), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)]
-    wall = ContactProblem(
-        mesh.with_joint("b", lambda _, y: np.isclose(y, 2.0)), Material(1e3, 0.2), [*contacts, *loads]
-    )
-    contacts = discretize(wall).qvi.contact.contacts
+    contacts = discretize(ContactProblem(mesh, Material(1e3, 0.2), [*contacts, *loads])).qvi.contact.contacts
     assert np.unique(contacts, return_counts=True)[1].tolist() == [len(contacts) // 3] * 3
     assert set(discretize(masonry_wall(2, 2, ())).qvi.contact.contacts) == {0}

@@ -181,7 +181,7 @@ def test_limit(shell, sliding):
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
     refused(shell("limit", sliding), "--load: missing: name one of the loads (", "drag")
     cyclic = EXAMPLES / "cyclic_shear.toml"
-    refused(shell("limit", cyclic, "--load", "left"), "--load: 'left': is 0 at t = 0, the first time of the history")
+    refused(shell("limit", cyclic, "--load", "left"), "multiply. These loads are those at t = 0, the first time")
     assert " those at t = 0, the first time" in shell("safety", cyclic, "--accuracy=0.5", "--json")[1]
     late = sliding.with_name("late.toml")
     late.write_text(sliding.read_text(encoding="utf-8") + "[history]\ntimes = [0.5, 2.0, -1.0]\n", encoding="utf-8")

@@ -89,10 +89,9 @@ def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
         force, slack, split, _ = (0.0 * r for r in residuals) if only else residuals
         size = np.abs(problem.force(np.abs(step.lam))).max(initial=1.0)
         assert problem.S @ step.y + problem.force(step.lam) == pytest.approx(-force, abs=1e-10 * size)
+        change = problem.change(step.y, np.zeros(len(problem.split)))
         pressed = problem.friction_of(step.tension + step.pressure)
-        assert step.s + problem.change(step.y, np.zeros(len(problem.split))) - pressed == pytest.approx(
-            -slack, abs=1e-10
-        )
+        assert step.s + change - pressed == pytest.approx(-slack, abs=1e-10)
         assert problem.split_rows @ step.y - step.tension + step.pressure == pytest.approx(-split, abs=1e-10)
         first = (point.s * step.lam + point.lam * step.s, point.tension * step.pressure + point.pressure * step.tension)
         assert np.concatenate(first) == pytest.approx(comp, abs=1e-10)
@@ -185,9 +184,7 @@ def test_the_parameter_waits_for_bounds_that_were_passed(share, misfit, expected
 @pytest.mark.parametrize("law", ["coulomb", "cap", "bilateral"])
 def test_friction_has_another_share_once_slacks_fit(law):
     """Products start on the path of the early one; what kinks aim at stays."""
-    qvi = chain(1, **LAWS[law])
-    whole = SparseCoordinates(qvi)
-    problem = Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, PathWeights(2.0, 50.0))
+    _, problem = posed_whole(chain(1, **LAWS[law]), PathWeights(2.0, 50.0))
     interior = InteriorPoint(problem, 1.0)
     count, early, before = len(problem.omega), interior.omega.copy(), interior.parameter()
     assert set(early[:count]) == ({1.0, 2.0} if law != "bilateral" else {2.0})
