@@ -209,14 +209,10 @@ def test_names_do_not_cover_each_other():
 
 
 def test_forces_of_layers_in_one_line_have_names_beside_each_other():
-    heights = {"low": 3.0, "high": 6.0}
+    heights, load = {"low": 3.0, "high": 6.0}, Polynomial([[-5.0], [0.08]])
     joints = {name: ((0.0, y), (60.0, y)) for name, y in heights.items()}
     mesh = TriangleMesh.grid(np.linspace(0.0, 60.0, 9), [0.0, *heights.values(), 9.0], joints=joints)
-    sides = [
-        Traction("left", 0.0, 0.0),
-        Traction("right", 0.0, 0.0),
-        Traction("top", 0.0, Polynomial([[-5.0], [0.08]])),
-    ]
+    sides = [Traction(side, 0.0, value) for side, value in (("left", 0.0), ("right", 0.0), ("top", load))]
     contacts = [Contact(name, 0.5) for name in ("bottom", *heights)]
     figure = result_figure(solve(ContactProblem(mesh, Material(1e4, 0.3), [*contacts, *sides])))
     figure.draw_without_rendering()
