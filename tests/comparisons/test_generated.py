@@ -249,12 +249,12 @@ class TestBounds:
         assert bounds.report([worse], committed("bounds-refined")).failed
 
     def test_polygons_that_slip(self):
-        """Nine of ten have a bound, and nearly all of these a force to 1 % within seconds; one is computed again."""
+        """Nine of ten have a bound, and nearly all of these a force to 1 %, in a time that depends on the machine."""
         rows = committed("bounds-refined")
         found = bounds.polygons_of(rows)
         assert found["slipping"] >= 300
         assert found["slipping_bounded"] > 0.9 * found["slipping"]
-        assert found["quick"] > 0.98 * found["slipping_bounded"]
+        assert found["refined"] > 0.99 * found["slipping_bounded"]
         slipping = next(row for row in rows if row.result["status"] == "slips" and row.result["guaranteed"])
         again = bounds.refine_case(slipping.case)
         assert again["guaranteed"]
