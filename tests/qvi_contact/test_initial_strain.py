@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.polynomial import polyder
 
-from qvi_contact import InputError, TriangleMesh, load_problem, refine, solve, solve_companion
+from qvi_contact import InputError, TriangleMesh, discretize, load_problem, refine, solve, solve_companion
 from qvi_contact.element import compliance_roots
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
@@ -69,6 +69,8 @@ def test_a_held_block(plane, factor):
     assert mises == pytest.approx(0.0 if plane == "strain" else pressure, abs=1e-9 * pressure)
     pressed = [Contact("bottom", 0.3), *(Traction(name, normal=-pressure, tangential=0.0) for name in SIDES[:3])]
     assert solve(replace(problem, mesh=TriangleMesh.rectangle((6, 6), grading=0.7), conditions=pressed)).remarks == ()
+    moved = discretize(replace(problem, conditions=[*held[1:], Displacement(SIDES[0], 1e-6 * ALPHA, 0.0)]))
+    assert moved.rescaled() is moved  # strains that are held have no energy
     bounds = result.bracket
     energy = 0.5 * pressure * 2.0 * ALPHA * 10.0 * (1.0 + NU if plane == "strain" else 1.0)
     assert (bounds.lower, bounds.upper) == pytest.approx((energy, energy), rel=1e-9)
