@@ -351,7 +351,8 @@ class StepStore(Sequence[ContactResult]):
         self._last_read: tuple[int, ContactResult] | None = None
         self._slice: range | None = None  # numbers of the steps in a slice of the sequence
         header = self._folder / "store.json"
-        expected = {"format": "qvi_contact steps", "version": 2, "fingerprint": fingerprint, "planned": planned}
+        expected = {"format": "qvi_contact steps", "version": FORMAT_VERSION}  # that of the archives of its steps
+        expected |= {"fingerprint": fingerprint, "planned": planned}
         if header.exists():
             try:
                 existing: Any = json.loads(header.read_text(encoding="utf-8"))
