@@ -17,44 +17,41 @@ import io
 import re
 import warnings
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
 from importlib import import_module
 from itertools import chain, combinations, groupby
 from math import dist
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import IntArray
 from qvi_contact.basics.writing import given_path, open_regular
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
-from qvi_contact.mesh.edges import cross
+from qvi_contact.mesh.grid import sides_of, triangles_of
 
 _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med", ".vtk": "vtk", ".vtu": "vtu"}
 _MAX_BYTES: Final = 200_000_000  # bytes
 _MAX_TRIANGLES: Final = 1_000_000
 _PLANE_TOLERANCE: Final = 1e-9  # range of z, relative to the body's size, that counts as plane
-_AREA_TOLERANCE: Final = 1e-6  # relative difference of areas that is more than rounding
 
-# by Gmsh's numbers of element types: numbers of nodes, names of solids, and which nodes are the corners
+# by Gmsh's numbers of element types and by meshio's: which nodes are the ends of a line, or the corners of a cell
+_LINES: Final = dict.fromkeys((1, 8, 26, 27, 28, "line", "line3"), (0, 1))
+_TRIANGLES: Final = (2, 9, 20, 21, 22, 23, 24, 25, "triangle", "triangle6", "triangle7", "triangle10", "triangle15")
+_QUADS: Final = (3, 10, 16, 36, 37, 38, 39, 40, 41, "quad", "quad8", "quad9")
+_CELLS: Final = dict.fromkeys(_TRIANGLES, (0, 1, 2, 2)) | dict.fromkeys(_QUADS, (0, 1, 2, 3))
 _NODE_COUNTS: Final = {
     1: 2, 8: 3, 26: 4, 27: 5, 28: 6, 15: 1,  # lines, of degree 1 to 5; points
     2: 3, 9: 6, 21: 10, 23: 15, 25: 21, 20: 9, 22: 12, 24: 15,  # triangles; the last three without inner nodes
     3: 4, 10: 9, 36: 16, 37: 25, 38: 36, 16: 8, 39: 12, 40: 16, 41: 20,  # quadrilaterals; the last four, too
 }  # fmt: skip
 _SOLIDS: Final = {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid"}
-_CORNERS: Final = {  # by meshio's types of cells
-    "triangle": 3, "triangle6": 3, "triangle7": 3, "triangle10": 3, "triangle15": 3, "quad": 4, "quad8": 4, "quad9": 4,
-}  # fmt: skip
-_LINES: Final = dict.fromkeys((1, 8, 26, 27, 28), (0, 1))
-_CELLS: Final = dict.fromkeys((2, 9, 20, 21, 22, 23, 24, 25), (0, 1, 2, 2)) | dict.fromkeys(
-    (3, 10, 16, 36, 37, 38, 39, 40, 41), (0, 1, 2, 3)
-)
-_MAX_SETS: Final = 10_000_000  # names × blocks of elements: each block may have all names
+_MAX_MEMBERS: Final = 100_000_000  # names × elements: each element may have all names
 _VERSIONS: Final = {"2": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}  # known formats; "4" would be 4.0
 
 
@@ -129,68 +126,42 @@ def reading(field: str, path: Path) -> Iterator[BinaryIO]:
         raise InputError(field, str(path), f"cannot be read ({reason}): write the file again") from error
 
 
+def _elements(
+    blocks: Iterable[tuple[Any, Any, Any]], kinds: Mapping[Any, tuple[int, ...]], names: Mapping[str, Collection[int]]
+) -> tuple[IntArray, dict[str, IntArray]]:
+    """Ends (k, 2) of all lines, or corners (k, 4) of all cells, which are of these `kinds`; their numbers by name.
+
+    Blocks have a kind, nodes (n, …) and a label, or one of each element; `names` has the labels of each name.
+    """
+    parts = [(nodes[:, kinds[kind]], np.broadcast_to(own, len(nodes))) for kind, nodes, own in blocks if kind in kinds]
+    empty = np.empty((0, len(next(iter(kinds.values())))), np.int64), np.empty(0, np.int64)
+    corners, labels = (np.concatenate(each).astype(np.int64) for each in zip(empty, *parts, strict=True))
+    if len(names) * len(labels) > _MAX_MEMBERS:
+        raise ValueError(f"it has {len(labels)} elements and {len(names)} names")
+    numbers = {name: np.flatnonzero(np.isin(labels, list(own))) for name, own in names.items()}
+    return corners, {name: own for name, own in numbers.items() if len(own)}
+
+
 def _named_cells(file: Any) -> MeshParts:
     """The mesh that meshio read; its names are the groups of the families in a MED file."""
-    lines = ("line", "line3")
-    kinds = sorted({block.type for block in file.cells} - {*_CORNERS, *lines, "vertex"})
+    kinds = sorted({block.type for block in file.cells} - {*_CELLS, *_LINES, "vertex"})
     if kinds:
         raise InputError("mesh", kinds[0], f"holds cells of kind {kinds[0]!r}: give triangles and quadrilaterals only")
-    families, tags = getattr(file, "cell_tags", None) or {}, file.cell_data.get("cell_tags", ())
-    edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
-    for name, family in ((name, family) for family, names in families.items() for name in names):
-        start = 0
-        for block, values in zip(file.cells, tags, strict=False):
-            rows = np.flatnonzero(np.asarray(values) == family)
-            if block.type in _CORNERS:
-                regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
-                start += len(block.data)
-            elif block.type in lines:
-                pairs = np.asarray(block.data[rows, :2], dtype=np.int64)
-                edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs])
-    edge_sets, regions = ({n: parts for n, parts in each.items() if len(parts)} for each in (edge_sets, regions))
-    return MeshParts(np.asarray(file.points, dtype=float), corners_of(file.cells), edge_sets, regions)
+    groups = defaultdict[str, list[int]](list)
+    for family, names in (getattr(file, "cell_tags", None) or {}).items():
+        for name in names:
+            groups[name].append(family)
+    tags = file.cell_data.get("cell_tags") or [0] * len(file.cells)
+    blocks = [(block.type, block.data, tag) for block, tag in zip(file.cells, tags, strict=True)]
+    lines, of_lines = _elements(blocks, _LINES, groups)
+    cells, regions = _elements(blocks, _CELLS, groups)
+    edge_sets = {name: lines[rows] for name, rows in of_lines.items()}
+    return MeshParts(np.asarray(file.points, dtype=float), cells, edge_sets, regions)
 
 
 def corners_of(blocks: Any) -> IntArray:
     """Corners (m, 4) of triangles, which have their last corner twice, and quadrilaterals in cells from meshio."""
-    cells = [block.data[:, [0, 1, 2, _CORNERS[block.type] - 1]] for block in blocks if block.type in _CORNERS]
-    return np.concatenate([np.empty((0, 4), np.int64), *cells]).astype(np.int64)
-
-
-def triangles_of(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
-    """Triangles (t, 3) of cells (m, 4), and the cell (t,) of each; triangles have their last corner twice in `cells`.
-
-    A quadrilateral in a corner of the body is cut from that corner, as in `TriangleMesh.grid`. Otherwise the diagonal
-    with the larger smaller triangle is taken.
-    """
-    quads = cells[:, 3] != cells[:, 2]
-    if not quads.any():
-        return cells[:, :3], np.arange(len(cells))
-    _, on_boundary = _sides(cells)
-    in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # of the body, at a, b, c, d
-    a, b, c, d = points[cells].swapaxes(0, 1)
-    least = []  # 2 × area of the smaller triangle for diagonal ac, bd; −1 if the diagonal lies outside
-    for first_half, second_half in (((a, b, c), (a, c, d)), ((a, b, d), (b, c, d))):
-        area_1, area_2 = (cross(q - p, r - p) for p, q, r in (first_half, second_half))
-        least.append(np.where(area_1 * area_2 > 0.0, np.minimum(np.abs(area_1), np.abs(area_2)), -1.0))
-    # take diagonal bd instead of ac if it runs into more corners of the body, else by the areas
-    b_larger = least[1] > least[0] * (1.0 + _AREA_TOLERANCE)
-    corners_bd = in_corner[:, [1, 3]].sum(axis=1) - in_corner[:, [0, 2]].sum(axis=1)
-    from_b = np.where((least[0] > 0.0) & (least[1] > 0.0) & (corners_bd != 0), corners_bd > 0, b_larger)[:, None]
-    halves = np.stack(
-        [np.where(from_b, cells[:, [0, 1, 3]], cells[:, :3]), np.where(from_b, cells[:, 1:], cells[:, [0, 2, 3]])], 1
-    )
-    halves[~quads, 0] = cells[~quads, :3]
-    is_triangle = np.column_stack([np.ones(len(cells), dtype=bool), quads])
-    return halves[is_triangle], np.repeat(np.arange(len(cells)), is_triangle.sum(axis=1))
-
-
-def _sides(cells: IntArray) -> tuple[IntArray, BoolArray]:
-    """Ends (m, 4, 2) of the sides ab, bc, cd, da of cells (m, 4), and whether one cell only has a side (m, 4)."""
-    ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2), axis=2)
-    keys = ends[..., 0] * (cells.max(initial=0) + 1) + ends[..., 1]
-    _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
-    return ends, (count == 1)[number].reshape(keys.shape) & (ends[..., 0] != ends[..., 1])
+    return _elements([(block.type, block.data, 0) for block in blocks], _CELLS, {})[0]
 
 
 class _GmshFile:
@@ -200,9 +171,9 @@ class _GmshFile:
         self._source, self._size = source, size
         self._version, self._binary, self._word = "", False, "u8"  # the type of counts and tags in format 4.1
         self._names = list[tuple[int, int, str]]()  # dimension, physical number, name
-        self._physical = dict[tuple[int, int], set[int]]()  # physical numbers of each entity of format 4.1
+        self._entities = defaultdict[tuple[int, int], list[int]](list)  # by dimension and physical number, format 4.1
         self._tags, self._points = np.empty(0, np.int64), np.empty((0, 3))
-        self._blocks = list[tuple[int, IntArray, set[int]]]()  # kind, nodes (k, …), physical numbers of all of them
+        self._blocks = list[tuple[int, IntArray, int | IntArray]]()  # kind, nodes (k, …), entity or physical numbers
 
     def read(self) -> MeshParts:
         """Read all sections, and make the mesh."""
@@ -226,40 +197,25 @@ class _GmshFile:
                 line = next((line.strip() for line in self._source if line.strip() == b"$End" + name), b"")
             if line != b"$End" + name:
                 raise ValueError(f"${name.decode('ascii', 'replace')} does not end where it should")
-        cells, of_cells = self._joined(_CELLS, 4)
-        lines, of_lines = self._joined(_LINES, 2)
-        edge_sets = {name: lines[rows] for name, rows in self._by_name(1, of_lines).items()}
-        regions = self._by_name(2, of_cells)
-        if self._version == "2.2" and len(of_cells) > 1:  # an element in several surfaces is repeated for each
-            alike, first, place = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
-            if len(alike) < len(cells):
-                kept_cells = np.sort(first)
-                number = np.searchsorted(kept_cells, first)[place.reshape(-1)]
-                cells, regions = cells[kept_cells], {name: number[rows] for name, rows in regions.items()}
-        return MeshParts(self._points, cells, edge_sets, regions)
-
-    def _by_name(self, dimension: int, numbered: Mapping[int, list[IntArray]]) -> dict[str, IntArray]:
-        """Numbers of elements by physical name; several physical numbers may have one name."""
-        parts_of_name = dict[str, list[IntArray]]()
-        for each, number, name in self._names:
-            if name and each == dimension and number in numbered:
-                parts_of_name.setdefault(name, []).extend(numbered[number])
-        return {name: np.concatenate(parts) for name, parts in parts_of_name.items()}
-
-    def _joined(self, kinds: Mapping[int, tuple[int, ...]], corners: int) -> tuple[IntArray, dict[int, list[IntArray]]]:
-        """Corners (k, corners) of all elements of some kinds, as indices of nodes; elements by physical number."""
-        nodes_of_kinds, by_physical_number, count = [np.empty((0, corners), np.int64)], dict[int, list[IntArray]](), 0
-        for kind, nodes, physical in self._blocks:
-            if kind in kinds and len(nodes):
-                nodes_of_kinds.append(nodes[:, kinds[kind]])
-                for number in physical:
-                    by_physical_number.setdefault(number, []).append(np.arange(count, count + len(nodes)))
-                count += len(nodes)
-        node_tags, order = np.concatenate(nodes_of_kinds), np.argsort(self._tags)
-        if not len(order):
+        if not len(self._tags):
             raise ValueError("it holds no nodes")
-        index = order[np.minimum(np.searchsorted(self._tags[order], node_tags), len(order) - 1)]
-        return np.where(self._tags[index] == node_tags, index, -1), by_physical_number  # `read_mesh` refuses −1
+        (lines, of_lines), (cells, regions) = self._elements(1, _LINES), self._elements(2, _CELLS)
+        if self._version == "2.2":  # an element in several surfaces is repeated for each
+            _, first, place = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
+            kept_cells = np.sort(first)
+            number = np.searchsorted(kept_cells, first)[place.reshape(-1)]
+            cells, regions = cells[kept_cells], {name: number[rows] for name, rows in regions.items()}
+        return MeshParts(self._points, cells, {name: lines[rows] for name, rows in of_lines.items()}, regions)
+
+    def _elements(self, dimension: int, kinds: Mapping[Any, tuple[int, ...]]) -> tuple[IntArray, dict[str, IntArray]]:
+        """See `_elements`; nodes by index, −1 for those that the file does not hold."""
+        labels = defaultdict[str, list[int]](list)  # several physical numbers may have one name
+        for own, number, name in self._names:
+            if name and own == dimension:
+                labels[name] += [number] if self._version == "2.2" else self._entities[own, number]
+        (tags, numbers), order = _elements(self._blocks, kinds, labels), np.argsort(self._tags)
+        index = order[np.minimum(np.searchsorted(self._tags[order], tags), len(order) - 1)]
+        return np.where(self._tags[index] == tags, index, -1), numbers  # `read_mesh` refuses −1
 
     def _next_line(self) -> bytes:
         """The next line that is not blank, stripped; empty at the end of the file."""
@@ -307,8 +263,8 @@ class _GmshFile:
                 (tag,) = self._take("i4", 1, "tags of entities").tolist()
                 self._take("f8", 3 if dimension == 0 else 6, "coordinates of entities")
                 (n_numbers,) = self._take(self._word, 1, "counts of entities").tolist()
-                numbers = self._take("i4", n_numbers, "physical numbers").tolist()
-                self._physical[dimension, tag] = set(map(abs, numbers))
+                for number in self._take("i4", n_numbers, "physical numbers").tolist():
+                    self._entities[dimension, abs(number)].append(tag)
                 if dimension:
                     (n_numbers,) = self._take(self._word, 1, "counts of entities").tolist()
                     self._take("i4", n_numbers, "bounds")
@@ -344,29 +300,25 @@ class _GmshFile:
         if self._version == "4.1":
             blocks, _, _, _ = self._take(self._word, 4, "counts of elements").tolist()
             for _ in range(blocks):
-                dimension, entity, kind = self._take("i4", 3, "numbers of a block of elements").tolist()
+                _, entity, kind = self._take("i4", 3, "numbers of a block of elements").tolist()
                 (count,) = self._take(self._word, 1, "counts of elements").tolist()
                 columns = 1 + self._nodes_of(kind)
                 numbers = self._take(self._word, count * columns, "numbers of elements").reshape(count, columns)
-                physical = self._physical.get((dimension, entity), set())
-                self._blocks.append((kind, numbers[:, 1:].astype(np.int64), physical))
-            if blocks * len(self._names) > _MAX_SETS:
-                raise ValueError(f"it has {blocks} blocks of elements and {len(self._names)} physical names")
+                self._blocks.append((kind, numbers[:, 1:].astype(np.int64), entity))
         elif self._binary:
             total, n_read = int(self._source.readline()), 0
             while n_read < total:
                 kind, count, tags = self._take("i4", 3, "numbers of a block of elements").tolist()
                 columns = 1 + tags + self._nodes_of(kind)
                 numbers = self._take("i4", count * columns, "numbers of elements").reshape(count, columns)
-                changes = np.flatnonzero(np.diff(numbers[:, 1]) * (tags > 0)) + 1
-                for part in np.split(numbers, changes) if count > 0 else ():
-                    physical = {abs(int(part[0, 1]))} if tags > 0 else set()
-                    self._blocks.append((kind, part[:, 1 + tags :].astype(np.int64), physical))
+                physical = np.abs(numbers[:, 1].astype(np.int64)) if tags > 0 else 0
+                self._blocks.append((kind, numbers[:, 1 + tags :], physical))
                 n_read += max(count, 1)
         else:
             lines = self._element_lines(int(self._source.readline()))
-            for (kind, number), group in groupby(lines, key=lambda line: line[:2]):
-                self._blocks.append((kind, np.array([nodes for _, _, nodes in group]), {number}))
+            for kind, group in groupby(lines, key=itemgetter(0)):
+                _, labels, nodes = map(np.array, zip(*group, strict=True))
+                self._blocks.append((kind, nodes, labels))
 
     def _element_lines(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
         """Format 2.2 as text: kind, physical number and nodes of each element; 0 is no physical number."""
@@ -451,7 +403,7 @@ class _AbaqusFile:
         nodes_of = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
         row_of = {number: row for row, number in enumerate(n for n, nodes in nodes_of.items() if len(nodes) == 4)}
         corners = np.array([nodes_of[number] for number in row_of], dtype=np.int64).reshape(-1, 4)
-        ends, on_boundary = _sides(corners)
+        ends, on_boundary = sides_of(corners)
         place = np.where((corners[:, 2] == corners[:, 3])[:, None], [1, 2, -9, 3], [1, 2, 3, 4])  # of triangles, quads
         place_on_shells = place + 2 * np.isin(list(row_of), list(self._shells))[:, None]
         edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()

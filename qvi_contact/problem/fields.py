@@ -21,7 +21,8 @@ from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import Edges, rounding_along
-from qvi_contact.mesh.files import corners_of, reading, triangles_of
+from qvi_contact.mesh.files import corners_of, reading
+from qvi_contact.mesh.grid import triangles_of
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import PicklesFields, load
 from solvers.errors import known_name

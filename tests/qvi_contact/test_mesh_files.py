@@ -161,13 +161,13 @@ class TestGmsh:
         more = f'$Periodic\n{MUCH}\n$EndPeriodic\n$NodeData\n1\n"a"\n0\n3\n0\n{MUCH}\n{MUCH}\n$EndNodeData\n'
         assert TriangleMesh.load(written(tmp_path / "a.msh", text + more)).region_names[0] == "steel"
 
-    def test_names_times_blocks(self, tmp_path):
-        """Each block may have all names."""
+    def test_names_times_elements(self, tmp_path):
+        """Each element may have all names."""
         names = "".join(f'1 {number} "{number}"\n' for number in range(10, 5_010))
-        blocks = "1 1 1 1\n1 1 2\n" * 5_000
-        changes = [("$PhysicalNames\n4\n", f"$PhysicalNames\n5004\n{names}"), ("$Elements\n4 4 1 4\n", "$Elements\n")]
-        path = written(tmp_path / "a.msh", MSH_4, *changes, ("$Elements\n", f"$Elements\n5004 5004 1 4\n{blocks}"))
-        with pytest.raises(InputError, match="5004"):
+        elements = "1 1 1 20001\n" + 20_000 * "7 1 2\n"
+        changes = [("$PhysicalNames\n4\n", f"$PhysicalNames\n5004\n{names}"), ("$Elements\n4 4", "$Elements\n4 20003")]
+        path = written(tmp_path / "a.msh", MSH_4, *changes, ("1 1 1 1\n", elements))
+        with pytest.raises(InputError, match="names"):
             TriangleMesh.load(path)
 
     @pytest.mark.parametrize("kind", ["gmsh", "gmsh22"])
