@@ -2,9 +2,10 @@
 
 Names are physical names in .msh files, groups in .med files, and those of sets in .inp files, in upper or lower case:
 element sets (ELSET), with line elements such as T3D2 for curves, then surfaces (SURFACE), and node sets (NSET), which
-stand for the sides on the boundary between two of their nodes. Names that a part and its assembly both use, and
-surfaces that combine others, are left out. VTK files have no names. Middle nodes of elements of higher order and points
-without a triangle are left out, so sides are straight.
+stand for the sides on the boundary between two of their nodes. A name that a part and its assembly use, as "Set-1", is
+that of the assembly's set; the part's set has the name of its instance before it, as "Part-1-1.Set-1". Surfaces that
+combine others, and springs, masses and connectors of an assembly, are left out. VTK files have no names. Middle nodes
+of elements of higher order and points without a triangle are left out, so sides are straight.
 
 Files of Gmsh, formats 2.2 and 4.1, text or binary, and of Abaqus are read here, the others by meshio. In Abaqus files
 meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses
@@ -347,9 +348,9 @@ _READ: Final = ("NODE", "ELEMENT", *_SETS)
 _OF_MESH: Final = ("NODE", "ELEMENT")  # types of surfaces, other than analytical ones
 _FLAGS: Final = ("GENERATE", "INTERNAL", "UNSORTED")  # options without a value
 
-_Member: TypeAlias = str | int | range  # of a set of elements or nodes: another set, a number, or numbers
-_Members: TypeAlias = defaultdict[str, list[_Member]]  # by the side of the elements that a surface names, else ""
 _Key: TypeAlias = tuple[str, bool, str]  # keyword of a set, whether it belongs to an assembly, name in upper case
+_Member: TypeAlias = tuple[bool, str] | int | range  # of a set of elements or nodes: another set, numbers
+_Members: TypeAlias = defaultdict[str, list[_Member]]  # by the side of the elements that a surface names, else ""
 
 
 def _lines_of(path: Path, including: tuple[Path, ...] = ()) -> Iterator[str]:
@@ -378,6 +379,7 @@ class _AbaqusFile:
         self._nodes = dict[int, list[float]]()
         self._elements = dict[int, list[int]]()  # nodes of each: 2 or 3 of lines, else 4
         self._shells = set[int]()  # numbers of shells and membranes
+        self._of_assembly = {"NSET": set[int](), "ELSET": set[int]()}  # numbers of an assembly's own nodes and elements
         self._members = defaultdict[_Key, _Members](lambda: defaultdict(list))
         self._called = dict[_Key, str]()  # the spelling of the names of sets, but not of sets that programs have named
         self._sections = list[tuple[str, dict[str, str], list[str]]]()
@@ -397,6 +399,7 @@ class _AbaqusFile:
     def read(self) -> MeshParts:
         """The mesh; `InputError` if it is not one part with a plane mesh, `ValueError` if the file is broken."""
         self._read_sections()
+        owners = [options.get("NAME", "") for keyword, options, _ in self._sections if keyword in ("PART", "INSTANCE")]
         if not self._nodes:
             raise InputError("mesh", "", "holds no nodes: write the mesh again")
         index, points = {number: position for position, number in enumerate(self._nodes)}, list(self._nodes.values())
@@ -409,12 +412,13 @@ class _AbaqusFile:
         edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
         for key, name in sorted(self._called.items(), key=lambda item: _SETS.index(item[0][0])):
             keyword, of_assembly, upper = key
-            is_ambiguous = (keyword, not of_assembly, upper) in self._called
-            if is_ambiguous or (keyword != "ELSET" and upper in map(str.upper, edge_sets)):
+            if not of_assembly and (keyword, True, upper) in self._called:
+                name = f"{owners[-1] if owners else 'part'}.{name}"
+            if keyword != "ELSET" and name.upper() in map(str.upper, edge_sets):
                 continue  # an element set and a node set of one name, as programs write them, are a region and edges
             lines = [np.empty((0, 2), np.int64)]
             for side, members in self._members[key].items():
-                numbers = self._numbers(key, members)
+                numbers = self._numbers(keyword, members)
                 if keyword == "NSET":
                     boundary = ends[on_boundary]
                     lines.append(boundary[np.isin(boundary, [index[number] for number in numbers]).all(axis=1)])
@@ -442,36 +446,43 @@ class _AbaqusFile:
             if keyword in ("ASSEMBLY", "INSTANCE", "END INSTANCE", "END ASSEMBLY"):
                 of_assembly = keyword in ("ASSEMBLY", "END INSTANCE")
             is_moved = keyword in ("SYSTEM", "INSTANCE") and data  # a part is rotated or translated
-            if is_moved or keyword in _GENERATORS or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
+            is_curved = keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"
+            if is_moved or keyword in _GENERATORS or is_curved:
                 remedy = f"holds *{keyword}, which moves or makes nodes: write all nodes where they are"
                 raise InputError("mesh", "", remedy)
             if keyword in _READ and "INPUT" in options:
                 data += _lines_of(self._path.parent / options["INPUT"], (self._path.resolve(),))
-            rows = (line.rstrip(",").split(",") for line in data)
-            if keyword == "NODE" and not of_assembly:  # nodes of assemblies are reference points
-                self._read_nodes(options, rows)
-            elif keyword == "ELEMENT" and of_assembly:
-                raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")
+            rows = ([word.strip(' \t"') for word in line.rstrip(",").split(",")] for line in data)
+            if keyword == "NODE":
+                self._read_nodes(options, rows, of_assembly)
             elif keyword == "ELEMENT":
-                self._read_elements(options, rows)
+                self._read_elements(options, rows, of_assembly)
             elif keyword in _SETS and "COMBINE" not in options and options.get("TYPE", "NODE").upper() in _OF_MESH:
                 self._read_set(keyword, options, rows, of_assembly)
 
-    def _read_nodes(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
+    def _read_nodes(self, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
+        if of_assembly:  # reference points
+            self._of_assembly["NSET"] |= {int(words[0]) for words in rows}
+            return
         members = self._set("NSET", options, of_assembly=False)[""] if "NSET" in options else []
         for number, *coordinates in rows:
-            point = [*(float(word.upper().replace("D", "E")) for word in coordinates), 0.0, 0.0][:3]
+            point = [*(float(word.upper().replace("D", "E") or 0) for word in coordinates), 0.0, 0.0][:3]
             if self._nodes.setdefault(int(number), point) != point:
                 raise ValueError(f"two nodes have the number {number}")
             members.append(int(number))
 
-    def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
+    def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
         kind = options.get("TYPE", "")
         plane, truss = _PLANE.fullmatch(kind.upper()), _TRUSS.fullmatch(kind.upper())
+        if of_assembly and not plane and not truss:  # springs, masses and connectors
+            self._of_assembly["ELSET"] |= {int(words[0]) for words in rows if words[0].isdigit()}
+            return
+        if of_assembly:
+            raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")
         if not plane and not truss:
             raise InputError("mesh", "", f"holds elements of type {kind!r}: give triangles and quadrilaterals only")
         count = int(plane[1]) if plane else 2 if truss and truss[1] else 3
-        table = np.array([int(word) for words in rows for word in words if word.strip()]).reshape(-1, 1 + count)
+        table = np.array([int(word) for words in rows for word in words if word]).reshape(-1, 1 + count)
         for number, *nodes in table.tolist():
             if number in self._elements:
                 raise ValueError(f"two elements have the number {number}")
@@ -483,17 +494,27 @@ class _AbaqusFile:
 
     def _read_set(self, keyword: str, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
         is_surface, of_nodes = keyword == "SURFACE", options.get("TYPE", "").upper() == "NODE"
-        members = self._set("NSET" if of_nodes else keyword, options, of_assembly=of_assembly)
+        keyword = "NSET" if of_nodes else keyword
+        members = self._set(keyword, options, of_assembly=of_assembly)
+        is_inside = of_assembly and "INSTANCE" not in options  # names and numbers are those of the assembly
+        others = self._of_assembly["NSET" if keyword == "NSET" else "ELSET"] if is_inside else set[int]()
+
+        def member(word: str) -> _Member:
+            """The number, or the set, that a word means; the name of an instance may stand before it."""
+            instance, _, name = word.upper().rpartition(".")
+            return int(name) if name.isdigit() else (is_inside and not instance, name)
+
+        if keyword == "NSET" and options.get("ELSET"):  # the nodes of elements
+            for number in self._numbers("ELSET", [member(options["ELSET"])]):
+                members[""] += self._elements[number]
         for words in rows:
             if "GENERATE" in options:
                 first, last, *step = map(int, words)
-                members[""].append(range(first, last + 1, *step))
+                members[""] += [range(first, last + 1, *step)] if first not in others else []
             else:
-                # without quotes, and without the name of the instance
-                names = [word.replace('"', "").strip().upper().rpartition(".")[2] for word in words]
-                side = names[1] if is_surface and not of_nodes and len(names) > 1 else ""
-                used = filter(None, names[:1] if is_surface else names)
-                members[side] += [int(name) if name.isdigit() else name for name in used]
+                side = words[1].upper() if is_surface and not of_nodes and len(words) > 1 else ""
+                used = filter(None, words[:1] if is_surface else words)
+                members[side] += [member(word) for word in used if not word.isdigit() or int(word) not in others]
 
     def _set(self, keyword: str, options: dict[str, str], *, of_assembly: bool) -> _Members:
         """The members of the set that the options name."""
@@ -505,20 +526,21 @@ class _AbaqusFile:
             self._called.setdefault(key, name)
         return self._members[key]
 
-    def _numbers(self, key: _Key, members: list[_Member]) -> list[int]:
+    def _numbers(self, keyword: str, members: list[_Member]) -> list[int]:
         """The elements, or nodes, among members of a set and of the sets among these, in ascending order."""
-        keyword, known = ("NSET", self._nodes.keys()) if key[0] == "NSET" else ("ELSET", self._elements.keys())
-        numbers, seen, pending = set[int](), {key[2]} if keyword == key[0] else set[str](), list(members)
+        keyword, known = ("NSET", self._nodes.keys()) if keyword == "NSET" else ("ELSET", self._elements.keys())
+        numbers, seen, pending = set[int](), set[_Key](), list(members)
         while pending:
             member = pending.pop()
             if isinstance(member, range):
                 numbers.update(member if len(member) <= len(known) else (each for each in known if each in member))
             elif isinstance(member, int):
                 numbers.add(member)
-            elif member not in seen:
-                seen.add(member)
-                nested = self._members.get((keyword, key[1], member), self._members.get((keyword, False, member)))
-                if nested is None:
-                    raise ValueError(f"there is no set {member} (*{keyword})")
-                pending += chain.from_iterable(nested.values())
+            else:
+                of_assembly, name = member
+                key = keyword, of_assembly and (keyword, True, name) in self._members, name
+                if key not in self._members:
+                    raise ValueError(f"there is no set {name} (*{keyword})")
+                pending += chain.from_iterable(self._members[key].values()) if key not in seen else ()
+                seen.add(key)
         return sorted(numbers & known)

@@ -233,7 +233,7 @@ class TestAbaqus:
     @pytest.mark.parametrize(("kind", "side", "seam"), [("CPS3", "S2", "S3"), ("S3", "S4", "S5"), ("M3D3", "E2", "E3")])
     def test_surfaces_and_node_sets(self, tmp_path, kind, side, seam):
         """Two squares, the right one cut in two: by elements, sides and nodes, in a part and its assembly."""
-        text = f"""*PART, NAME=P\n*NODE, NSET=Nodes\n1, 0D0, 0\n2, 1.0d0, 0\n3, 1, 1\n4, 0, 1\n5, 2, 0\n6, 2, 1
+        text = f"""*PART, NAME=P\n*NODE, NSET=Nodes\n1, , 0D0,\n2, 1.0d0, ,\n3, 1, 1\n4, 0, 1\n5, 2, 0\n6, 2, 1
         *NODE\n7, 9, 9\n*ELEMENT, TYPE=CPS4\n1, 1, 2, 3, 4\n*ELEMENT, TYPE={kind}, ELSET=right\n2, 2, 5, 6\n3, 2, 6, 3
         *ELEMENT, TYPE=T2D2, ELSET=wall\n4, 4, 1\n*NSET, NSET=Base\n5, 1, 2, 7\n*NSET, NSET=Twice\n1, 2
         *NSET, NSET=_Picked, INTERNAL\n1, 2\n*ELSET, ELSET=Base\n1, 2\n*ELSET, ELSET=Twice\n1
@@ -241,6 +241,8 @@ class TestAbaqus:
         *SURFACE, NAME=Two, COMBINE=UNION\nTop, Right
         *SURFACE, NAME=Rigid, TYPE=SEGMENTS\nSTART, 0, 0\n*SURFACE, NAME=Floor, TYPE=NODE\nBase, 1.0\n*END PART
         *ASSEMBLY\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n*NSET, NSET=Twice, INSTANCE=I\n2, 5\n*ELSET, ELSET=Twice\n2
+        *NODE\n3, 9, 9\n6, 9, 9\n*NSET, NSET=Points, GENERATE\n3, 6, 3\n*NSET, NSET=Rim, ELSET=I.Twice\n3, 6
+        *ELEMENT, TYPE=CONN2D2, ELSET=Links\n8, 3, I.3\n
         *ELSET, ELSET=_S2, INTERNAL, INSTANCE=I\n2\n*SURFACE, NAME=Side\n_S2, {side}\n*SURFACE, NAME=wall\n1, S1
         *NSET, NSET=Low, GENERATE\n1, 2, 1\n*SURFACE, NAME=West\nI.wall, SPOS\n*SURFACE, NAME=Seam\n3, {seam}"""
         mesh = TriangleMesh.load(written(tmp_path / "a.inp", text))
@@ -249,9 +251,11 @@ class TestAbaqus:
         assert {name: sorted(points) for name, points in middle.items()} == {
             "wall": [west], "Base": below, "Floor": below, "Low": below[:1], "Right": [below[1], above[1], east],
             "Top": above, "Seam": [[1.0, 0.5]], "Side": [east], "West": [west],
-            "Nodes": sorted([*below, *above, east, west]),
+            "Nodes": sorted([*below, *above, east, west]), "Twice": below[1:], "I.Twice": below[:1],
+            "Rim": sorted([below[0], above[0], west]),
         }  # fmt: skip
-        assert mesh.region_names == ("right", "Base")
+        regions = {name: len(cells) for name, cells in mesh.regions.items()}
+        assert regions == {"right": 2, "Base": 3, "Twice": 1, "I.Twice": 2}
 
     @pytest.mark.parametrize(
         ("new", "told"),
@@ -259,6 +263,7 @@ class TestAbaqus:
          ("*NODE, SYSTEM=C\n", "moves or makes"), ("*NODE\n1, 0, 9\n", "two nodes"), ("*NGEN\n1, 3, 1\n", "NGEN"),
          ("*ELSET, ELSET=a, GENERATE\n1, 1000000000000, 0\n", "zero"), ("*INCLUDE, INPUT=a.inp\n", "includes"),
          ("*ELSET, ELSET=a\nb\n", "no set B"), ("*NSET, NSET=a\nb\n", "no set B"),
+         ("*ASSEMBLY\n*ELEMENT, TYPE=CPS3\n9, 1, 2, 3\n", "of an assembly"),
          ("*ELEMENT, TYPE=CPS4\n9, 1, 2, 3\n", "reshape"), ("*ELEMENT, TYPE=CPS3\n9, 1, 2, 7\n", "joins nodes")],
     )  # fmt: skip
     def test_what_is_not_read_is_told(self, tmp_path, new, told):
