@@ -21,6 +21,7 @@ from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import cross
+from qvi_contact.mesh.selection import point
 
 LONGEST: Final = 500.0
 """Largest ratio of a cell's length to its width; longer cells are cut, as thinner triangles lose too many digits."""
@@ -68,15 +69,14 @@ def rectangle_lines(
 ) -> tuple[FloatArray, FloatArray]:
     """Grid lines x, y of a rectangle; see `TriangleMesh.rectangle`."""
     width, height = positive_number("width", width), positive_number("height", height)
-    pair = grading if isinstance(grading, (tuple, list)) else (grading, grading)
-    for name, value in (("cells", cells), ("origin", origin), ("grading", pair)):
-        if not isinstance(value, (tuple, list)) or len(value) != 2:
-            raise InputError(name, value, "give a pair, for x and y")
+    if not isinstance(cells, (tuple, list)) or len(cells) != 2:
+        raise InputError("cells", cells, "give a pair, for x and y")
+    ratios = point("grading", grading if isinstance(grading, (tuple, list)) else (grading, grading))
     across, up = (whole_number("cells", number) for number in cells)
     if across * up > _MOST_CELLS:
         raise InputError("cells", tuple(cells), f"give at most {_MOST_CELLS:,} cells in all")
-    left, bottom = (finite_number("origin", coordinate) for coordinate in origin)
-    return graded_lines(left, left + width, across, pair[0]), graded_lines(bottom, bottom + height, up, pair[1])
+    left, bottom = point("origin", origin)
+    return graded_lines(left, left + width, across, ratios[0]), graded_lines(bottom, bottom + height, up, ratios[1])
 
 
 def checked_lines(name: str, lines: ArrayLike) -> FloatArray:
@@ -143,15 +143,14 @@ def triangles_of(
         return cells[:, :3], np.arange(len(cells))
     _, on_boundary = sides_of(cells)
     in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # of the body, at a, b, c, d
-    a, b, c, d = points[cells].swapaxes(0, 1)
-    least = []  # 2 × area of the smaller triangle for diagonal ac, bd; −1 if the diagonal lies outside
-    for first_half, second_half in (((a, b, c), (a, c, d)), ((a, b, d), (b, c, d))):
-        area_1, area_2 = (cross(q - p, r - p) for p, q, r in (first_half, second_half))
-        least.append(np.where(area_1 * area_2 > 0.0, np.minimum(np.abs(area_1), np.abs(area_2)), -1.0))
+    a, b, c = points[cells[:, [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]]]].transpose(2, 0, 1, 3)
+    double_areas = cross(b - a, c - a).reshape(-1, 2, 2)  # of the halves for diagonal ac, bd
+    is_inside, least = double_areas.prod(axis=2) > 0.0, np.abs(double_areas).min(axis=2)
+    least[~is_inside] = -1.0
     # take diagonal bd instead of ac if it runs into more corners of the body, else by the areas
-    b_larger = least[1] > least[0] * (1.0 + np.where(prefers_bd, -_AREA_TOLERANCE, _AREA_TOLERANCE))
+    b_larger = least[:, 1] > least[:, 0] * (1.0 + np.where(prefers_bd, -_AREA_TOLERANCE, _AREA_TOLERANCE))
     corners_bd = in_corner[:, [1, 3]].sum(axis=1) - in_corner[:, [0, 2]].sum(axis=1)
-    from_b = np.where((least[0] > 0.0) & (least[1] > 0.0) & (corners_bd != 0), corners_bd > 0, b_larger)[:, None]
+    from_b = np.where(is_inside.all(axis=1) & (corners_bd != 0), corners_bd > 0, b_larger)[:, None]
     halves = np.stack(
         [np.where(from_b, cells[:, [0, 1, 3]], cells[:, :3]), np.where(from_b, cells[:, 1:], cells[:, [0, 2, 3]])], 1
     )
