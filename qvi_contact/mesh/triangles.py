@@ -89,7 +89,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             if names:
                 more = f" and {len(names) - _NAMES_IN_REPR} more" if len(names) > _NAMES_IN_REPR else ""
                 parts += f"; {kind} {', '.join(names[:_NAMES_IN_REPR])}{more}"
-        cells = f"{len(self.cells)} triangles with {len(self.vertices)} vertices"
+        cells = f"{len(self.cells)} triangle{'s'[: len(self.cells) - 1]} with {len(self.vertices)} vertices"
         return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{parts}>"
 
     def _repr_png_(self) -> bytes | None:

@@ -56,7 +56,11 @@ class TestMeshFiles:
         (tmp_path / "sub").mkdir()
         (tmp_path / kind).write_text(text)
         (tmp_path / "part.toml").write_text(WITH_FILE.replace("part.msh", kind))
-        problem = load_problem(tmp_path / "part.toml").problem
+        (tmp_path / "links").mkdir()
+        (tmp_path / "links" / "part.toml").symlink_to(tmp_path / "part.toml")
+        file = load_problem(tmp_path / "links" / "part.toml")
+        assert file.files == {kind: (tmp_path / kind).resolve()}
+        problem = file.problem
         assert problem.mesh.edge_names == ("floor", "roof", "sides", "wall")
         assert problem.mesh.joint_names == ("seam",)
         assert problem.cell_materials.tolist() == [1, 0]

@@ -38,6 +38,7 @@ class TestTopology:
         assert topology.of_cells.tolist() == [[3, 1, 0], [4, 2, 1]]
         other_sense = TriangleMesh(SQUARE, [(2, 1, 0), (0, 2, 3)])
         assert (other_sense.cells == square().cells).all()
+        assert repr(square().part([0])) == "<TriangleMesh: 1 triangle with 3 vertices, body of 1 × 1>"
 
     def test_normals_point_out_of_the_body(self):
         mesh = l_shape()
