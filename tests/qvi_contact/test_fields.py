@@ -119,7 +119,8 @@ DANGEROUS = [
     "randint(3)", "int(x)", "float(x)", "str(x)", "globals()", "x; y", "import os", "x = 1", "sin(x=1)",
     "sin(x, out=y)", "hypot(x, y, out=x)", "sin(*y)", "sin(**y)", "sin()(x)", "(sin)(x)(y)", "where(x)(y)", "z", "X",
     "__builtins__", "__doc__", "_", "await x", "yield x", "", "   ", "x +", "1 2", "\x00", "x\ny", "#", "sin",
-    "x + sin", "sin * 2", "sin < 1", "min", "where(sin, 1, 2)", "q" * 1000, f"{'q' * 1000}(x)", f"({'+'.join(['x'] * 500)})[0]",
+    "x + sin", "sin * 2", "sin < 1", "min", "where(sin, 1, 2)",
+    "q" * 1000, f"{'q' * 1000}(x)", f"({'+'.join(['x'] * 500)})[0]",
 ]  # fmt: skip
 
 
