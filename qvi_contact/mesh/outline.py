@@ -155,9 +155,10 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
     corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _checked_list(line)]
     if len(corners) < 2:
         raise InputError(name, len(corners), "give two or more corners")
+    least = 2 if closed and len(corners) == 2 else 1  # chords of an arc: those of two corners would lie on one line
     corners += corners[:1] if closed else []
     corner_sizes = [corner.size or size for corner in corners]
-    divisions = [_division(name, *each) for each in zip(corners, corners[1:], corner_sizes, strict=False)]
+    divisions = [_division(name, *each, least) for each in zip(corners, corners[1:], corner_sizes, strict=False)]
     counts = [len(points) for points in divisions]
     if closed and sum(counts) < 3:
         raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
@@ -171,8 +172,8 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
     return Polygon(points[ends], names, sizes[ends], centres)
 
 
-def _division(name: str, corner: Corner, next_corner: Corner, size: float) -> FloatArray:
-    """The corner, and the points that divide an arc from there, without its end point; shape (n, 2)."""
+def _division(name: str, corner: Corner, next_corner: Corner, size: float, least: int) -> FloatArray:
+    """The corner, and the points that divide an arc into `least` or more, without its end point; shape (n, 2)."""
     start, stop = np.array(corner.at), np.array(next_corner.at)
     if np.array_equal(start, stop):
         raise InputError(name, corner.at, "two corners lie here one after the other: leave one out")
@@ -190,7 +191,7 @@ def _division(name: str, corner: Corner, next_corner: Corner, size: float) -> Fl
         raise InputError(name, size, f"would divide this arc into {chords:g} chords, at most {_MAX_LINES}: give more")
     if chords < 1.0:
         raise InputError(name, corner.centre, "is too far from this arc: leave the centre out, the line is straight")
-    count = int(chords)
+    count = max(int(chords), least)
     angles = start_angle + (-1.0 if corner.clockwise else 1.0) * turn * np.arange(count) / count
     points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     points[0] = start

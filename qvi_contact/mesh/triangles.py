@@ -213,7 +213,7 @@ class TriangleMesh(MeshParts, PicklesFields):
         except InputError as error:
             if not parts.arcs:
                 raise
-            remedy = "too large for an arc near another line: give the corners there a smaller one"
+            remedy = "an arc crosses a line, or is too close to it for this size: give the corners there a smaller one"
             raise InputError("size", size, remedy) from error
         for name in joints or ():
             if name not in mesh.joint_names:
