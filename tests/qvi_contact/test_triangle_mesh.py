@@ -289,8 +289,6 @@ class TestEdges:
             assert (mesh.edges(name).first == edges.first).all()
         with pytest.raises(InputError, match="joint"):
             mesh.joint_set("top")
-        with pytest.raises(InputError, match="region"):
-            mesh.region("head")
 
     def test_all_triangles_around_a_point(self):
         mesh = TriangleMesh.rectangle((2, 2))
