@@ -303,6 +303,8 @@ def _discretization(archive: Archive, discretize_in: Callable[[Scales], Discreti
             raise archive.refused("tangential_multiplier" if name == "led_back" else "z", remedy)
     counts = [len(rows.gap) for rows in known.contacts]
     slip = archive.floats("earlier_slip", size=sum(counts))
+    if not np.isfinite(slip).all():
+        raise archive.refused("earlier_slip", "holds numbers that are not finite")
     if not (slip.any() or archive.number("later") != 0.0):
         return known
     return known.with_data(known.problem, known.scales, np.split(slip, np.cumsum(counts)[:-1]))

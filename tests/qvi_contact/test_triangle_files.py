@@ -56,9 +56,8 @@ class TestMeshFiles:
         (tmp_path / "sub").mkdir()
         (tmp_path / kind).write_text(text)
         (tmp_path / "part.toml").write_text(WITH_FILE.replace("part.msh", kind))
-        (tmp_path / "links").mkdir()
-        (tmp_path / "links" / "part.toml").symlink_to(tmp_path / "part.toml")
-        file = load_problem(tmp_path / "links" / "part.toml")
+        (tmp_path / "sub" / "link.toml").symlink_to(tmp_path / "part.toml")
+        file = load_problem(tmp_path / "sub" / "link.toml")
         assert file.files == {kind: (tmp_path / kind).resolve()}
         problem = file.problem
         assert problem.mesh.edge_names == ("floor", "roof", "sides", "wall")
