@@ -17,6 +17,7 @@ views) are skipped.
 import io
 import re
 import warnings
+from codecs import BOM_UTF8
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
@@ -185,6 +186,8 @@ class _GmshFile:
             b"Nodes": self._read_nodes,
             b"Elements": self._read_elements,
         }
+        if self._source.read(len(BOM_UTF8)) != BOM_UTF8:  # which editors may put before text
+            self._source.seek(0)
         while line := self._next_line():
             name = line[1:]
             if not line.startswith(b"$"):

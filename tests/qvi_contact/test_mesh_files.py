@@ -152,7 +152,7 @@ class TestGmsh:
         refusal(written(tmp_path / "a.msh", text, (old, new)))
 
     def test_numbers_with_gaps_are_read_and_take_no_memory(self, tmp_path):
-        path = written(tmp_path / "a.msh", MSH_4, ("\n5\n0 0 0", f"\n{MUCH}\n0 0 0"))
+        path = written(tmp_path / "a.msh", "\ufeff" + MSH_4, ("\n5\n0 0 0", f"\n{MUCH}\n0 0 0"))
         assert TriangleMesh.load(path).cells.tolist() == [[0, 1, 2], [0, 2, 3]]
 
     @pytest.mark.parametrize("text", [MSH_2, MSH_4])
