@@ -250,7 +250,7 @@ class TestAbaqus:
         below, above, east, west = [[0.5, 0.0], [1.5, 0.0]], [[0.5, 1.0], [1.5, 1.0]], [2.0, 0.5], [0.0, 0.5]
         assert {name: sorted(points) for name, points in middle.items()} == {
             "wall": [west], "Base": below, "Floor": below, "Low": below[:1], "Right": [below[1], above[1], east],
-            "Top": above, "Seam": [[1.0, 0.5]], "Side": [east], "West": [west], "Rim": sorted([below[0], above[0], west]),
+            "Top": above, "Seam": [[1.0, 0.5]], "Side": [east], "West": [west], "Rim": [west, below[0], above[0]],
             "Nodes": sorted([*below, *above, east, west]), "Twice": below[1:], "I.Twice": below[:1],
         }  # fmt: skip
         regions = {name: len(cells) for name, cells in mesh.regions.items()}
