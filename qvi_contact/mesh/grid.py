@@ -144,8 +144,9 @@ def triangles_of(
     _, on_boundary = sides_of(cells)
     in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # of the body, at a, b, c, d
     a, b, c = points[cells[:, [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]]]].transpose(2, 0, 1, 3)
-    double_areas = cross(b - a, c - a).reshape(-1, 2, 2)  # of the halves for diagonal ac, bd
-    is_inside, least = double_areas.prod(axis=2) > 0.0, np.abs(double_areas).min(axis=2)
+    with np.errstate(all="ignore"):  # `TriangleMesh` refuses coordinates that are too large or not finite
+        double_areas = cross(b - a, c - a).reshape(-1, 2, 2)  # of the halves for diagonal ac, bd
+        is_inside, least = (np.sign(double_areas).prod(axis=2) > 0.0), np.abs(double_areas).min(axis=2)
     least[~is_inside] = -1.0
     # take diagonal bd instead of ac if it runs into more corners of the body, else by the areas
     b_larger = least[:, 1] > least[:, 0] * (1.0 + np.where(prefers_bd, -_AREA_TOLERANCE, _AREA_TOLERANCE))

@@ -57,9 +57,8 @@ class TestMeshFiles:
         (tmp_path / kind).write_text(text)
         (tmp_path / "part.toml").write_text(WITH_FILE.replace("part.msh", kind))
         (tmp_path / "sub" / "link.toml").symlink_to(tmp_path / "part.toml")
-        file = load_problem(tmp_path / "sub" / "link.toml")
+        problem = (file := load_problem(tmp_path / "sub" / "link.toml")).problem
         assert file.files == {kind: (tmp_path / kind).resolve()}
-        problem = file.problem
         assert problem.mesh.edge_names == ("floor", "roof", "sides", "wall")
         assert problem.mesh.joint_names == ("seam",)
         assert problem.cell_materials.tolist() == [1, 0]
