@@ -31,6 +31,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.units import Units
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.certificate.certificate import EXPONENTS
+from solvers.errors import plain
 
 FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 2
@@ -80,6 +81,12 @@ def json_ready(value: Any) -> Any:
     return int(value) if isinstance(value, np.integer) else value
 
 
+def _refuse_other_version(field: str, path: str, version: object) -> None:
+    if version != FORMAT_VERSION:
+        remedy = f"only version {FORMAT_VERSION} is known here: take the version of qvi-contact that wrote this"
+        raise InputError(field, f"{path}, version {plain(version)}", remedy)
+
+
 class Archive:
     """An archive file that was read: `arrays` has all entries by name, each method checks one and returns it.
 
@@ -102,10 +109,7 @@ class Archive:
             raise InputError("result", self.path, f"cannot be read ({text}): {_REMEDY}") from error
         if "format" not in self.arrays or self.text("format") != FORMAT:
             raise InputError("result", self.path, f"is not a result that can be checked: {_REMEDY}")
-        version = self.number("format_version")
-        if version != FORMAT_VERSION:
-            remedy = f"only version {FORMAT_VERSION} is known here: take the version of qvi-contact that wrote the file"
-            raise InputError("result", f"{self.path}, version {version:g}", remedy)
+        _refuse_other_version("result", self.path, self.number("format_version"))
 
     @property
     def intact(self) -> bool:
@@ -299,6 +303,8 @@ def _discretization(archive: Archive, discretize_in: Callable[[Scales], Discreti
             raise archive.refused("tangential_multiplier" if name == "led_back" else "z", remedy)
     counts = [len(rows.gap) for rows in known.contacts]
     slip = archive.floats("earlier_slip", size=sum(counts))
+    if not np.isfinite(slip).all():
+        raise archive.refused("earlier_slip", "holds numbers that are not finite")
     if not (slip.any() or archive.number("later") != 0.0):
         return known
     return known.with_data(known.problem, known.scales, np.split(slip, np.cumsum(counts)[:-1]))
@@ -358,6 +364,8 @@ class StepStore(Sequence[ContactResult]):
                 existing: Any = json.loads(header.read_text(encoding="utf-8"))
             except (OSError, ValueError, RecursionError):
                 existing = None
+            if isinstance(existing, dict) and existing.get("format") == expected["format"]:
+                _refuse_other_version("store", str(header), existing.get("version"))
             if existing != expected:
                 remedy = "belongs to another history, with other problems or options, or to none: give a new folder"
                 raise InputError("store", str(header), remedy)

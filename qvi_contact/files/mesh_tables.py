@@ -341,11 +341,10 @@ class MeshTable:
         try:
             return TriangleMesh(np.array(self.vertices), np.array(self.triangles), edges, regions)
         except InputError as error:
-            place = {"vertices": "vertices", "cells": "triangles"}.get(error.field.split(".")[-1], "")
+            places = {"TriangleMesh.vertices": "vertices", "TriangleMesh.cells": "triangles"}
             for kind, names in (("edges", self.edges), ("regions", self.regions)):
-                for name in names:
-                    if name in (error.field, error.value if isinstance(error.value, str) else None):
-                        place = f"{kind}.{schema.quoted(name)}"
+                places |= {name: f"{kind}.{schema.quoted(name)}" for name in names}
+            place = places.get(error.field, places.get(str(error.value), ""))
             raise type(error)(place, error.value, error.remedy) from error
 
     def body(self, lines: Lines) -> BoolArray:

@@ -189,15 +189,15 @@ class Document:
         if self.sweep is not None and self.history is not None:
             raise InputError("sweep", self.sweep.parameter, "a file with a [history] cannot be swept: leave one out")
 
-    def built_mesh(self, folder: Path | None) -> TriangleMesh:
-        """The mesh with its named edges, joints, regions and arcs; `folder` is that of the problem file."""
+    def built_mesh(self, reader: "FileReader") -> TriangleMesh:
+        """The mesh with its named edges, joints, regions and arcs."""
         table, lines = self.mesh, None
         assert table is not None  # it is needed
         arcs = {f"mesh.arcs[{index}]": arc for index, arc in enumerate(table.arcs)}
         with schema.located("mesh"):
             if table.file is not None:
                 try:
-                    parts = read_mesh(_beside(folder, table.file))
+                    parts = read_mesh(reader.path_of(table.file))
                     if table.join is not None:  # arcs on both bodies have to be known before these are joined
                         on_parts = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
                         arcs = {path: arc for path, arc in arcs.items() if path not in on_parts}
@@ -271,13 +271,6 @@ class Document:
         return problem
 
 
-def _beside(folder: Path | None, file: str) -> Path:
-    """The path of a file that a problem file names."""
-    if folder is None:
-        raise InputError("file", file, "a text has no folder to find it in: read the problem file by load_problem")
-    return folder / file
-
-
 def _check_values(condition_tables: Iterable[tuple[str, Condition]], mesh: TriangleMesh) -> None:
     """Evaluate functions at the points that the discretisation uses, so that an error names the key in the file."""
     for path, condition in condition_tables:
@@ -301,16 +294,23 @@ class FileReader:
     """Numbers that expressions may use by name."""
     t: float | None = None
     """Value of t in expressions; None without a history, where t is not defined."""
-    folder: Path | None = None
-    """Folder of the problem file, to which paths of other files are relative."""
+    folders: tuple[Path, ...] = ()
+    """Folder of the problem file, to which paths of other files are relative, and that to which a link to it leads."""
     whole = Document
+
+    def path_of(self, file: str) -> Path:
+        """The path of a file that the problem file names: beside it, or where a link to the problem file leads."""
+        if not self.folders:
+            raise InputError("file", file, "a text has no folder to find it in: read the problem file by load_problem")
+        paths = [folder / file for folder in self.folders]
+        return next(filter(os.path.exists, paths), paths[0])
 
     def field(self, value: Any) -> Field:
         """A number, also from an expression without x and y; or a function: expression, polynomial, data at points."""
         if isinstance(value, dict) and "file" in value:
             data = schema.read_table(PointDataTable, value, self)
             with schema.located("", schema.keys_of(PointDataTable)):
-                return PointData.load(_beside(self.folder, data.file), data.data)
+                return PointData.load(self.path_of(data.file), data.data)
         if isinstance(value, dict):
             table = schema.read_table(PolynomialTable, value, self)
             with schema.located("", ()):
@@ -373,14 +373,15 @@ class ProblemFile:
             for part in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
                 yield from file_names(part)
 
-        paths = {name: (self._reader.folder or Path()) / name for name in file_names(self._reader.data)}
+        names = file_names(self._reader.data) if self._reader.folders else ()
+        paths = {name: self._reader.path_of(name) for name in names}
         return {name: path for name, path in paths.items() if os.path.isfile(path)}  # not a load named "file"
 
     def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
         """The same file with other values of some of its constants, on the same mesh; `InputError` for other names."""
         for name in mapping("constants", changed, "values by name"):
             known_name("constants", name, {"constants": self.constants})
-        file = _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, {**self.constants, **changed})
+        file = _from_tables(self._reader.data, self._reader.folders, self.problem.mesh, {**self.constants, **changed})
         return replace(file, text=self.text)
 
     @cached_property
@@ -422,7 +423,8 @@ def load_problem(path: str | Path) -> ProblemFile:
     """Read a problem file (TOML); the folder ``examples`` shows how to write one.
 
     `InputError` if the file cannot be read, or a value in it is wrong. The error's field is then the path of the key,
-    such as ``contacts[1].friction``, counted from 0.
+    such as ``contacts[1].friction``, counted from 0. Other files are looked for beside the file, then, if it is a link,
+    beside the file that it leads to.
     """
     path = given_path("file", path)
     try:
@@ -438,7 +440,7 @@ def load_problem(path: str | Path) -> ProblemFile:
     except UnicodeDecodeError as error:
         remedy = f"is not text in UTF-8 (byte {error.start}): give a problem file (TOML), saved in that encoding"
         raise InputError("file", str(path), remedy) from error
-    return problem_from_toml(text, path.parent)
+    return _from_text(text, tuple(dict.fromkeys((path.parent, Path(os.path.realpath(path)).parent))))
 
 
 def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFile:
@@ -448,7 +450,10 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
     """
     if not isinstance(text, str):
         raise InputError("TOML", text, "give the text of a problem file, or its name to load_problem")
-    folder = None if folder is None else given_path("folder", folder)
+    return _from_text(text, () if folder is None else (given_path("folder", folder),))
+
+
+def _from_text(text: str, folders: tuple[Path, ...]) -> ProblemFile:
     text = text.replace("\r\n", "\n")
     if len(text) > _LONGEST:
         raise InputError("TOML", text[:200], _TOO_LONG)
@@ -464,7 +469,7 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
         raise InputError("TOML", line, f"correct the syntax: {error}") from error
     except RecursionError as error:
         raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
-    return replace(_from_tables(data, folder), text=text)
+    return replace(_from_tables(data, folders), text=text)
 
 
 def _check_scalars(value: object, path: str) -> None:
@@ -487,7 +492,7 @@ def _check_scalars(value: object, path: str) -> None:
 
 def _from_tables(
     data: Mapping[str, Any],
-    folder: str | Path | None,
+    folders: tuple[Path, ...],
     mesh: TriangleMesh | None = None,
     changed_constants: Mapping[str, float] = MappingProxyType({}),
 ) -> ProblemFile:
@@ -502,10 +507,10 @@ def _from_tables(
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
             _check_scalars(float(value), "")  # also of changed constants
-    reader = FileReader(data, constants, times[0] if times else None, None if folder is None else Path(folder))
+    reader = FileReader(data, constants, times[0] if times else None, folders)
     document: Document = schema.read_table(Document, data, reader)
     problem_file = ProblemFile(
-        problem=document.problem(document.built_mesh(reader.folder) if mesh is None else mesh, data),
+        problem=document.problem(document.built_mesh(reader) if mesh is None else mesh, data),
         title=document.title,
         description=document.description,
         units=document.units,

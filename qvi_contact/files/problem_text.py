@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from qvi_contact.basics import schema
+from qvi_contact.basics.checks import instance_of
 from qvi_contact.basics.schema import file_keys, write_table
 from qvi_contact.basics.writing import write_text
 from qvi_contact.errors import InputError
@@ -51,13 +52,15 @@ def problem_to_toml(
     Of a problem that was read from a file, only the state at the first time is written. Copy `[solve]`, `[refine]`,
     `[sweep]` and the times of `[history]` from that file.
     """
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem, such as the problem of a file that was read")
-    for name, value in (("title", title), ("description", description)):
-        if not isinstance(value, str):
-            raise InputError(name, value, "give a text")
-    if units is not None and not isinstance(units, Units):
-        raise InputError("units", units, "give Units, or nothing")
+    instance_of(
+        ContactProblem, "problem", problem, "give a ContactProblem, such as the problem of a file that was read"
+    )
+    for name, value, kind in (
+        ("title", title, str),
+        ("description", description, str),
+        ("units", units or Units(), Units),
+    ):
+        instance_of(kind, name, value, "give a text" if kind is str else "give Units, or nothing")
     text = unchecked_toml(problem, title, description, units)
     problem_from_toml(text)  # raises for values that only Python allows, such as names of several lines
     return text

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.polynomial.legendre import legder, legint
+from numpy.polynomial.legendre import legder, legint, legvander
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, real_array
@@ -203,7 +203,7 @@ _SAMPLES_PER_EDGE: Final = 16
 _BISECTIONS: Final = 60  # more than the 53 bits of a double
 _POINTS: Final = 32  # Gauss points of an edge, and coefficients of its bend before the smallest are dropped
 _COMPARED: Final[FloatArray] = np.linspace(0.03, 0.97, 21)  # fractions of an edge where it is compared with the curve
-_NEWTON_STEPS: Final = 8  # for the parameter as a function of the arc length
+_SPEED_POINTS: Final = 96  # Gauss points for the arc length, a root of polynomials, and integrals of it
 _CLOSED: Final = 1e-9  # a curve is closed if its ends are this close, relative to its size
 _EXACT: Final = 1e-12  # least tolerance: distance of an edge from its curve, relative to the chord, that is rounding
 _RESOLVED: Final = 1e-2  # × tolerance × chord: smaller coefficients of a curve are rounding; derivatives enlarge it
@@ -278,12 +278,10 @@ def fitted(
 
     # bisection for (γ − x)·d = 0 at a vertex x, where d leads from the sample before the nearest one to that after it;
     # it needs no derivative, and the curve may have corners at vertices
-    nearest = np.asarray(cKDTree(samples).query(vertices[numbers])[1])
-    if curve.closed:  # at the common end the nearer of its two neighbours decides
-        nearer_end = np.asarray(cKDTree(samples[[1, -2]]).query(vertices[numbers])[1])
-        nearest = np.where(nearest % (len(t) - 1) == 0, nearer_end * (len(t) - 1), nearest)
-    before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(t) - 1)
-    low, high, direction = t[before], t[after], samples[after] - samples[before]
+    nearest = t[np.asarray(cKDTree(samples).query(vertices[numbers])[1])]
+    ends = (-np.inf, np.inf) if curve.closed else sorted((curve.start, curve.stop))
+    low, high = (np.clip(nearest + step, *ends) for step in (t[0] - t[1], t[1] - t[0]))
+    direction = curve.points(high) - curve.points(low)
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0
         is_beyond = ((curve.points(middle) - vertices[numbers]) * direction).sum(axis=1) > 0.0
@@ -311,21 +309,19 @@ def _bends(curve: _CurvePoints, first: FloatArray, second: FloatArray, ends: Flo
     coefficients = (curve.points(first[:, None] + step * t) - corners[:, :1]).swapaxes(1, 2) @ to_legendre
     coefficients = _without_rounding(coefficients, (_RESOLVED * tolerance * lengths)[:, None])
     slopes = np.asarray(legder(coefficients, axis=2), dtype=np.float64)
-    # Newton's method for the parameters x, −1 to 1, at fractions of the arc length: for the angles and the comparison
-    shares = np.concatenate([t, _COMPARED])
-    speed = np.hypot(*np.moveaxis(_curve_points(slopes, np.tile(2.0 * t - 1.0, (len(slopes), 1))), -1, 0)) @ to_legendre
-    arc_length = np.asarray(legint(speed, axis=1, lbnd=-1), dtype=np.float64)
-    target = shares * polynomials(arc_length, np.ones((len(slopes), 1)))
-    x = np.tile(2.0 * shares - 1.0, (len(slopes), 1))
-    for _ in range(_NEWTON_STEPS):
-        rate = polynomials(speed, x)
-        correction = (polynomials(arc_length, x) - target) / np.where(rate != 0.0, rate, 1.0)
-        x = np.clip(x - correction, -1.0, 1.0)
-    tangents = _curve_points(slopes, x[:, : len(t)])
+    # the speed, the fraction s of the arc length and the angle θ at points of the parameter; c_k = (2k + 1) ∫ θ P_k ds
+    u, weights = gauss_legendre(_SPEED_POINTS)
+    tangents = _curve_points(slopes, np.tile(2.0 * u - 1.0, (len(slopes), 1)))
+    speed = np.hypot(*np.moveaxis(tangents, -1, 0))
+    to_speed = legendre_from_values(_SPEED_POINTS - 1, _SPEED_POINTS).T
+    arc_length = np.asarray(legint(speed @ to_speed, axis=1, lbnd=-1), dtype=np.float64) / 2.0
+    total = polynomials(arc_length, np.ones((len(slopes), 1)))
+    s, compared = (polynomials(arc_length, np.tile(2.0 * x - 1.0, (len(slopes), 1))) / total for x in (u, _COMPARED))
     turn = np.arctan2(cross(chords[:, None], tangents), (chords[:, None] * tangents).sum(axis=2))
-    bends = levelled(_without_rounding(turn @ to_legendre, _KEPT_COEFFICIENT * tolerance))
-    on_curve = curve.points(first[:, None] + step * (1.0 + x[:, len(t) :]) / 2.0)
-    off = np.hypot(*np.moveaxis(corners[:, :1] + arc_offsets(chords, bends, _COMPARED) - on_curve, -1, 0)).max(axis=1)
+    moments = ((turn * weights * speed / total)[:, None] @ legvander(2.0 * s - 1.0, _POINTS - 1))[:, 0]
+    bends = levelled(_without_rounding(moments * (2 * np.arange(_POINTS) + 1), _KEPT_COEFFICIENT * tolerance))
+    on_curve = curve.points(first[:, None] + step * _COMPARED)
+    off = np.hypot(*np.moveaxis(corners[:, :1] + arc_offsets(chords, bends, compared) - on_curve, -1, 0)).max(axis=1)
     not_smooth = np.flatnonzero(off > tolerance * lengths)
     if len(not_smooth):
         remedy = "is not smooth there, turns back, or turns too far along one edge: divide the triangles there"

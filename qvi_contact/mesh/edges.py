@@ -400,8 +400,3 @@ def rounding_along(vertices: FloatArray, edges: Edges) -> FloatArray:
     """Rounding error (n,) of the reference coordinate t, ε max|x|/length: it is large far from the origin."""
     largest_coordinate = np.abs(vertices[np.stack([edges.first, edges.second])]).max(axis=(0, 2), initial=0.0)
     return np.asarray(np.finfo(float).eps * largest_coordinate / edges.length)
-
-
-def edge_ends(edges: Edges) -> IntArray:
-    """The vertices of edges, each once."""
-    return np.unique(np.concatenate([edges.first, edges.second]))

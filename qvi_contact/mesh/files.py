@@ -2,9 +2,10 @@
 
 Names are physical names in .msh files, groups in .med files, and those of sets in .inp files, in upper or lower case:
 element sets (ELSET), with line elements such as T3D2 for curves, then surfaces (SURFACE), and node sets (NSET), which
-stand for the sides on the boundary between two of their nodes. Names that a part and its assembly both use, and
-surfaces that combine others, are left out. VTK files have no names. Middle nodes of elements of higher order and points
-without a triangle are left out, so sides are straight.
+stand for the sides on the boundary between two of their nodes. A name that a part and its assembly use, as "Set-1", is
+that of the assembly's set; the part's set has the name of its instance before it, as "Part-1-1.Set-1". Surfaces that
+combine others, and springs, masses and connectors of an assembly, are left out. VTK files have no names. Middle nodes
+of elements of higher order and points without a triangle are left out, so sides are straight.
 
 Files of Gmsh, formats 2.2 and 4.1, text or binary, and of Abaqus are read here, the others by meshio. In Abaqus files
 meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses
@@ -16,45 +17,43 @@ views) are skipped.
 import io
 import re
 import warnings
+from codecs import BOM_UTF8
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
 from importlib import import_module
 from itertools import chain, combinations, groupby
 from math import dist
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.checks import IntArray
 from qvi_contact.basics.writing import given_path, open_regular
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
-from qvi_contact.mesh.edges import cross
+from qvi_contact.mesh.grid import sides_of, triangles_of
 
 _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med", ".vtk": "vtk", ".vtu": "vtu"}
 _MAX_BYTES: Final = 200_000_000  # bytes
 _MAX_TRIANGLES: Final = 1_000_000
 _PLANE_TOLERANCE: Final = 1e-9  # range of z, relative to the body's size, that counts as plane
-_AREA_TOLERANCE: Final = 1e-6  # relative difference of areas that is more than rounding
 
-# by Gmsh's numbers of element types: numbers of nodes, names of solids, and which nodes are the corners
+# by Gmsh's numbers of element types and by meshio's: which nodes are the ends of a line, or the corners of a cell
+_LINES: Final = dict.fromkeys((1, 8, 26, 27, 28, "line", "line3"), (0, 1))
+_TRIANGLES: Final = (2, 9, 20, 21, 22, 23, 24, 25, "triangle", "triangle6", "triangle7", "triangle10", "triangle15")
+_QUADS: Final = (3, 10, 16, 36, 37, 38, 39, 40, 41, "quad", "quad8", "quad9")
+_CELLS: Final = dict.fromkeys(_TRIANGLES, (0, 1, 2, 2)) | dict.fromkeys(_QUADS, (0, 1, 2, 3))
 _NODE_COUNTS: Final = {
     1: 2, 8: 3, 26: 4, 27: 5, 28: 6, 15: 1,  # lines, of degree 1 to 5; points
     2: 3, 9: 6, 21: 10, 23: 15, 25: 21, 20: 9, 22: 12, 24: 15,  # triangles; the last three without inner nodes
     3: 4, 10: 9, 36: 16, 37: 25, 38: 36, 16: 8, 39: 12, 40: 16, 41: 20,  # quadrilaterals; the last four, too
 }  # fmt: skip
 _SOLIDS: Final = {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid"}
-_CORNERS: Final = {  # by meshio's types of cells
-    "triangle": 3, "triangle6": 3, "triangle7": 3, "triangle10": 3, "triangle15": 3, "quad": 4, "quad8": 4, "quad9": 4,
-}  # fmt: skip
-_LINES: Final = dict.fromkeys((1, 8, 26, 27, 28), (0, 1))
-_CELLS: Final = dict.fromkeys((2, 9, 20, 21, 22, 23, 24, 25), (0, 1, 2, 2)) | dict.fromkeys(
-    (3, 10, 16, 36, 37, 38, 39, 40, 41), (0, 1, 2, 3)
-)
-_MAX_SETS: Final = 10_000_000  # names × blocks of elements: each block may have all names
+_MAX_MEMBERS: Final = 100_000_000  # names × elements: each element may have all names
 _VERSIONS: Final = {"2": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}  # known formats; "4" would be 4.0
 
 
@@ -129,68 +128,42 @@ def reading(field: str, path: Path) -> Iterator[BinaryIO]:
         raise InputError(field, str(path), f"cannot be read ({reason}): write the file again") from error
 
 
+def _elements(
+    blocks: Iterable[tuple[Any, Any, Any]], kinds: Mapping[Any, tuple[int, ...]], names: Mapping[str, Collection[int]]
+) -> tuple[IntArray, dict[str, IntArray]]:
+    """Ends (k, 2) of all lines, or corners (k, 4) of all cells, which are of these `kinds`; their numbers by name.
+
+    Blocks have a kind, nodes (n, …) and a label, or one of each element; `names` has the labels of each name.
+    """
+    parts = [(nodes[:, kinds[kind]], np.broadcast_to(own, len(nodes))) for kind, nodes, own in blocks if kind in kinds]
+    empty = np.empty((0, len(next(iter(kinds.values())))), np.int64), np.empty(0, np.int64)
+    corners, labels = (np.concatenate(each).astype(np.int64) for each in zip(empty, *parts, strict=True))
+    if len(names) * len(labels) > _MAX_MEMBERS:
+        raise ValueError(f"it has {len(labels)} elements and {len(names)} names")
+    numbers = {name: np.flatnonzero(np.isin(labels, list(own))) for name, own in names.items()}
+    return corners, {name: own for name, own in numbers.items() if len(own)}
+
+
 def _named_cells(file: Any) -> MeshParts:
     """The mesh that meshio read; its names are the groups of the families in a MED file."""
-    lines = ("line", "line3")
-    kinds = sorted({block.type for block in file.cells} - {*_CORNERS, *lines, "vertex"})
+    kinds = sorted({block.type for block in file.cells} - {*_CELLS, *_LINES, "vertex"})
     if kinds:
         raise InputError("mesh", kinds[0], f"holds cells of kind {kinds[0]!r}: give triangles and quadrilaterals only")
-    families, tags = getattr(file, "cell_tags", None) or {}, file.cell_data.get("cell_tags", ())
-    edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
-    for name, family in ((name, family) for family, names in families.items() for name in names):
-        start = 0
-        for block, values in zip(file.cells, tags, strict=False):
-            rows = np.flatnonzero(np.asarray(values) == family)
-            if block.type in _CORNERS:
-                regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
-                start += len(block.data)
-            elif block.type in lines:
-                pairs = np.asarray(block.data[rows, :2], dtype=np.int64)
-                edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs])
-    edge_sets, regions = ({n: parts for n, parts in each.items() if len(parts)} for each in (edge_sets, regions))
-    return MeshParts(np.asarray(file.points, dtype=float), corners_of(file.cells), edge_sets, regions)
+    groups = defaultdict[str, list[int]](list)
+    for family, names in (getattr(file, "cell_tags", None) or {}).items():
+        for name in names:
+            groups[name].append(family)
+    tags = file.cell_data.get("cell_tags") or [0] * len(file.cells)
+    blocks = [(block.type, block.data, tag) for block, tag in zip(file.cells, tags, strict=True)]
+    lines, of_lines = _elements(blocks, _LINES, groups)
+    cells, regions = _elements(blocks, _CELLS, groups)
+    edge_sets = {name: lines[rows] for name, rows in of_lines.items()}
+    return MeshParts(np.asarray(file.points, dtype=float), cells, edge_sets, regions)
 
 
 def corners_of(blocks: Any) -> IntArray:
     """Corners (m, 4) of triangles, which have their last corner twice, and quadrilaterals in cells from meshio."""
-    cells = [block.data[:, [0, 1, 2, _CORNERS[block.type] - 1]] for block in blocks if block.type in _CORNERS]
-    return np.concatenate([np.empty((0, 4), np.int64), *cells]).astype(np.int64)
-
-
-def triangles_of(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
-    """Triangles (t, 3) of cells (m, 4), and the cell (t,) of each; triangles have their last corner twice in `cells`.
-
-    A quadrilateral in a corner of the body is cut from that corner, as in `TriangleMesh.grid`. Otherwise the diagonal
-    with the larger smaller triangle is taken.
-    """
-    quads = cells[:, 3] != cells[:, 2]
-    if not quads.any():
-        return cells[:, :3], np.arange(len(cells))
-    _, on_boundary = _sides(cells)
-    in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # of the body, at a, b, c, d
-    a, b, c, d = points[cells].swapaxes(0, 1)
-    least = []  # 2 × area of the smaller triangle for diagonal ac, bd; −1 if the diagonal lies outside
-    for first_half, second_half in (((a, b, c), (a, c, d)), ((a, b, d), (b, c, d))):
-        area_1, area_2 = (cross(q - p, r - p) for p, q, r in (first_half, second_half))
-        least.append(np.where(area_1 * area_2 > 0.0, np.minimum(np.abs(area_1), np.abs(area_2)), -1.0))
-    # take diagonal bd instead of ac if it runs into more corners of the body, else by the areas
-    b_larger = least[1] > least[0] * (1.0 + _AREA_TOLERANCE)
-    corners_bd = in_corner[:, [1, 3]].sum(axis=1) - in_corner[:, [0, 2]].sum(axis=1)
-    from_b = np.where((least[0] > 0.0) & (least[1] > 0.0) & (corners_bd != 0), corners_bd > 0, b_larger)[:, None]
-    halves = np.stack(
-        [np.where(from_b, cells[:, [0, 1, 3]], cells[:, :3]), np.where(from_b, cells[:, 1:], cells[:, [0, 2, 3]])], 1
-    )
-    halves[~quads, 0] = cells[~quads, :3]
-    is_triangle = np.column_stack([np.ones(len(cells), dtype=bool), quads])
-    return halves[is_triangle], np.repeat(np.arange(len(cells)), is_triangle.sum(axis=1))
-
-
-def _sides(cells: IntArray) -> tuple[IntArray, BoolArray]:
-    """Ends (m, 4, 2) of the sides ab, bc, cd, da of cells (m, 4), and whether one cell only has a side (m, 4)."""
-    ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2), axis=2)
-    keys = ends[..., 0] * (cells.max(initial=0) + 1) + ends[..., 1]
-    _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
-    return ends, (count == 1)[number].reshape(keys.shape) & (ends[..., 0] != ends[..., 1])
+    return _elements([(block.type, block.data, 0) for block in blocks], _CELLS, {})[0]
 
 
 class _GmshFile:
@@ -200,9 +173,9 @@ class _GmshFile:
         self._source, self._size = source, size
         self._version, self._binary, self._word = "", False, "u8"  # the type of counts and tags in format 4.1
         self._names = list[tuple[int, int, str]]()  # dimension, physical number, name
-        self._physical = dict[tuple[int, int], set[int]]()  # physical numbers of each entity of format 4.1
+        self._entities = defaultdict[tuple[int, int], list[int]](list)  # by dimension and physical number, format 4.1
         self._tags, self._points = np.empty(0, np.int64), np.empty((0, 3))
-        self._blocks = list[tuple[int, IntArray, set[int]]]()  # kind, nodes (k, …), physical numbers of all of them
+        self._blocks = list[tuple[int, IntArray, int | IntArray]]()  # kind, nodes (k, …), entity or physical numbers
 
     def read(self) -> MeshParts:
         """Read all sections, and make the mesh."""
@@ -213,6 +186,8 @@ class _GmshFile:
             b"Nodes": self._read_nodes,
             b"Elements": self._read_elements,
         }
+        if self._source.read(len(BOM_UTF8)) != BOM_UTF8:  # which editors may put before text
+            self._source.seek(0)
         while line := self._next_line():
             name = line[1:]
             if not line.startswith(b"$"):
@@ -226,40 +201,25 @@ class _GmshFile:
                 line = next((line.strip() for line in self._source if line.strip() == b"$End" + name), b"")
             if line != b"$End" + name:
                 raise ValueError(f"${name.decode('ascii', 'replace')} does not end where it should")
-        cells, of_cells = self._joined(_CELLS, 4)
-        lines, of_lines = self._joined(_LINES, 2)
-        edge_sets = {name: lines[rows] for name, rows in self._by_name(1, of_lines).items()}
-        regions = self._by_name(2, of_cells)
-        if self._version == "2.2" and len(of_cells) > 1:  # an element in several surfaces is repeated for each
-            alike, first, place = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
-            if len(alike) < len(cells):
-                kept_cells = np.sort(first)
-                number = np.searchsorted(kept_cells, first)[place.reshape(-1)]
-                cells, regions = cells[kept_cells], {name: number[rows] for name, rows in regions.items()}
-        return MeshParts(self._points, cells, edge_sets, regions)
-
-    def _by_name(self, dimension: int, numbered: Mapping[int, list[IntArray]]) -> dict[str, IntArray]:
-        """Numbers of elements by physical name; several physical numbers may have one name."""
-        parts_of_name = dict[str, list[IntArray]]()
-        for each, number, name in self._names:
-            if name and each == dimension and number in numbered:
-                parts_of_name.setdefault(name, []).extend(numbered[number])
-        return {name: np.concatenate(parts) for name, parts in parts_of_name.items()}
-
-    def _joined(self, kinds: Mapping[int, tuple[int, ...]], corners: int) -> tuple[IntArray, dict[int, list[IntArray]]]:
-        """Corners (k, corners) of all elements of some kinds, as indices of nodes; elements by physical number."""
-        nodes_of_kinds, by_physical_number, count = [np.empty((0, corners), np.int64)], dict[int, list[IntArray]](), 0
-        for kind, nodes, physical in self._blocks:
-            if kind in kinds and len(nodes):
-                nodes_of_kinds.append(nodes[:, kinds[kind]])
-                for number in physical:
-                    by_physical_number.setdefault(number, []).append(np.arange(count, count + len(nodes)))
-                count += len(nodes)
-        node_tags, order = np.concatenate(nodes_of_kinds), np.argsort(self._tags)
-        if not len(order):
+        if not len(self._tags):
             raise ValueError("it holds no nodes")
-        index = order[np.minimum(np.searchsorted(self._tags[order], node_tags), len(order) - 1)]
-        return np.where(self._tags[index] == node_tags, index, -1), by_physical_number  # `read_mesh` refuses −1
+        (lines, of_lines), (cells, regions) = self._elements(1, _LINES), self._elements(2, _CELLS)
+        if self._version == "2.2":  # an element in several surfaces is repeated for each
+            _, first, place = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
+            kept_cells = np.sort(first)
+            number = np.searchsorted(kept_cells, first)[place.reshape(-1)]
+            cells, regions = cells[kept_cells], {name: number[rows] for name, rows in regions.items()}
+        return MeshParts(self._points, cells, {name: lines[rows] for name, rows in of_lines.items()}, regions)
+
+    def _elements(self, dimension: int, kinds: Mapping[Any, tuple[int, ...]]) -> tuple[IntArray, dict[str, IntArray]]:
+        """See `_elements`; nodes by index, −1 for those that the file does not hold."""
+        labels = defaultdict[str, list[int]](list)  # several physical numbers may have one name
+        for own, number, name in self._names:
+            if name and own == dimension:
+                labels[name] += [number] if self._version == "2.2" else self._entities[own, number]
+        (tags, numbers), order = _elements(self._blocks, kinds, labels), np.argsort(self._tags)
+        index = order[np.minimum(np.searchsorted(self._tags[order], tags), len(order) - 1)]
+        return np.where(self._tags[index] == tags, index, -1), numbers  # `read_mesh` refuses −1
 
     def _next_line(self) -> bytes:
         """The next line that is not blank, stripped; empty at the end of the file."""
@@ -307,8 +267,8 @@ class _GmshFile:
                 (tag,) = self._take("i4", 1, "tags of entities").tolist()
                 self._take("f8", 3 if dimension == 0 else 6, "coordinates of entities")
                 (n_numbers,) = self._take(self._word, 1, "counts of entities").tolist()
-                numbers = self._take("i4", n_numbers, "physical numbers").tolist()
-                self._physical[dimension, tag] = set(map(abs, numbers))
+                for number in self._take("i4", n_numbers, "physical numbers").tolist():
+                    self._entities[dimension, abs(number)].append(tag)
                 if dimension:
                     (n_numbers,) = self._take(self._word, 1, "counts of entities").tolist()
                     self._take("i4", n_numbers, "bounds")
@@ -344,29 +304,25 @@ class _GmshFile:
         if self._version == "4.1":
             blocks, _, _, _ = self._take(self._word, 4, "counts of elements").tolist()
             for _ in range(blocks):
-                dimension, entity, kind = self._take("i4", 3, "numbers of a block of elements").tolist()
+                _, entity, kind = self._take("i4", 3, "numbers of a block of elements").tolist()
                 (count,) = self._take(self._word, 1, "counts of elements").tolist()
                 columns = 1 + self._nodes_of(kind)
                 numbers = self._take(self._word, count * columns, "numbers of elements").reshape(count, columns)
-                physical = self._physical.get((dimension, entity), set())
-                self._blocks.append((kind, numbers[:, 1:].astype(np.int64), physical))
-            if blocks * len(self._names) > _MAX_SETS:
-                raise ValueError(f"it has {blocks} blocks of elements and {len(self._names)} physical names")
+                self._blocks.append((kind, numbers[:, 1:].astype(np.int64), entity))
         elif self._binary:
             total, n_read = int(self._source.readline()), 0
             while n_read < total:
                 kind, count, tags = self._take("i4", 3, "numbers of a block of elements").tolist()
                 columns = 1 + tags + self._nodes_of(kind)
                 numbers = self._take("i4", count * columns, "numbers of elements").reshape(count, columns)
-                changes = np.flatnonzero(np.diff(numbers[:, 1]) * (tags > 0)) + 1
-                for part in np.split(numbers, changes) if count > 0 else ():
-                    physical = {abs(int(part[0, 1]))} if tags > 0 else set()
-                    self._blocks.append((kind, part[:, 1 + tags :].astype(np.int64), physical))
+                physical = np.abs(numbers[:, 1].astype(np.int64)) if tags > 0 else 0
+                self._blocks.append((kind, numbers[:, 1 + tags :], physical))
                 n_read += max(count, 1)
         else:
             lines = self._element_lines(int(self._source.readline()))
-            for (kind, number), group in groupby(lines, key=lambda line: line[:2]):
-                self._blocks.append((kind, np.array([nodes for _, _, nodes in group]), {number}))
+            for kind, group in groupby(lines, key=itemgetter(0)):
+                _, labels, nodes = map(np.array, zip(*group, strict=True))
+                self._blocks.append((kind, nodes, labels))
 
     def _element_lines(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
         """Format 2.2 as text: kind, physical number and nodes of each element; 0 is no physical number."""
@@ -395,9 +351,9 @@ _READ: Final = ("NODE", "ELEMENT", *_SETS)
 _OF_MESH: Final = ("NODE", "ELEMENT")  # types of surfaces, other than analytical ones
 _FLAGS: Final = ("GENERATE", "INTERNAL", "UNSORTED")  # options without a value
 
-_Member: TypeAlias = str | int | range  # of a set of elements or nodes: another set, a number, or numbers
-_Members: TypeAlias = defaultdict[str, list[_Member]]  # by the side of the elements that a surface names, else ""
 _Key: TypeAlias = tuple[str, bool, str]  # keyword of a set, whether it belongs to an assembly, name in upper case
+_Member: TypeAlias = tuple[bool, str] | int | range  # of a set of elements or nodes: another set, numbers
+_Members: TypeAlias = defaultdict[str, list[_Member]]  # by the side of the elements that a surface names, else ""
 
 
 def _lines_of(path: Path, including: tuple[Path, ...] = ()) -> Iterator[str]:
@@ -426,6 +382,7 @@ class _AbaqusFile:
         self._nodes = dict[int, list[float]]()
         self._elements = dict[int, list[int]]()  # nodes of each: 2 or 3 of lines, else 4
         self._shells = set[int]()  # numbers of shells and membranes
+        self._of_assembly = {"NSET": set[int](), "ELSET": set[int]()}  # numbers of an assembly's own nodes and elements
         self._members = defaultdict[_Key, _Members](lambda: defaultdict(list))
         self._called = dict[_Key, str]()  # the spelling of the names of sets, but not of sets that programs have named
         self._sections = list[tuple[str, dict[str, str], list[str]]]()
@@ -445,24 +402,26 @@ class _AbaqusFile:
     def read(self) -> MeshParts:
         """The mesh; `InputError` if it is not one part with a plane mesh, `ValueError` if the file is broken."""
         self._read_sections()
+        owners = [options.get("NAME", "") for keyword, options, _ in self._sections if keyword in ("PART", "INSTANCE")]
         if not self._nodes:
             raise InputError("mesh", "", "holds no nodes: write the mesh again")
         index, points = {number: position for position, number in enumerate(self._nodes)}, list(self._nodes.values())
         nodes_of = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
         row_of = {number: row for row, number in enumerate(n for n, nodes in nodes_of.items() if len(nodes) == 4)}
         corners = np.array([nodes_of[number] for number in row_of], dtype=np.int64).reshape(-1, 4)
-        ends, on_boundary = _sides(corners)
+        ends, on_boundary = sides_of(corners)
         place = np.where((corners[:, 2] == corners[:, 3])[:, None], [1, 2, -9, 3], [1, 2, 3, 4])  # of triangles, quads
         place_on_shells = place + 2 * np.isin(list(row_of), list(self._shells))[:, None]
         edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
         for key, name in sorted(self._called.items(), key=lambda item: _SETS.index(item[0][0])):
             keyword, of_assembly, upper = key
-            is_ambiguous = (keyword, not of_assembly, upper) in self._called
-            if is_ambiguous or (keyword != "ELSET" and upper in map(str.upper, edge_sets)):
+            if not of_assembly and (keyword, True, upper) in self._called:
+                name = f"{owners[-1] if owners else 'part'}.{name}"
+            if keyword != "ELSET" and name.upper() in map(str.upper, edge_sets):
                 continue  # an element set and a node set of one name, as programs write them, are a region and edges
             lines = [np.empty((0, 2), np.int64)]
             for side, members in self._members[key].items():
-                numbers = self._numbers(key, members)
+                numbers = self._numbers(keyword, members)
                 if keyword == "NSET":
                     boundary = ends[on_boundary]
                     lines.append(boundary[np.isin(boundary, [index[number] for number in numbers]).all(axis=1)])
@@ -490,36 +449,43 @@ class _AbaqusFile:
             if keyword in ("ASSEMBLY", "INSTANCE", "END INSTANCE", "END ASSEMBLY"):
                 of_assembly = keyword in ("ASSEMBLY", "END INSTANCE")
             is_moved = keyword in ("SYSTEM", "INSTANCE") and data  # a part is rotated or translated
-            if is_moved or keyword in _GENERATORS or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
+            is_curved = keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"
+            if is_moved or keyword in _GENERATORS or is_curved:
                 remedy = f"holds *{keyword}, which moves or makes nodes: write all nodes where they are"
                 raise InputError("mesh", "", remedy)
             if keyword in _READ and "INPUT" in options:
                 data += _lines_of(self._path.parent / options["INPUT"], (self._path.resolve(),))
-            rows = (line.rstrip(",").split(",") for line in data)
-            if keyword == "NODE" and not of_assembly:  # nodes of assemblies are reference points
-                self._read_nodes(options, rows)
-            elif keyword == "ELEMENT" and of_assembly:
-                raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")
+            rows = ([word.strip(' \t"') for word in line.rstrip(",").split(",")] for line in data)
+            if keyword == "NODE":
+                self._read_nodes(options, rows, of_assembly)
             elif keyword == "ELEMENT":
-                self._read_elements(options, rows)
+                self._read_elements(options, rows, of_assembly)
             elif keyword in _SETS and "COMBINE" not in options and options.get("TYPE", "NODE").upper() in _OF_MESH:
                 self._read_set(keyword, options, rows, of_assembly)
 
-    def _read_nodes(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
+    def _read_nodes(self, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
+        if of_assembly:  # reference points
+            self._of_assembly["NSET"] |= {int(words[0]) for words in rows}
+            return
         members = self._set("NSET", options, of_assembly=False)[""] if "NSET" in options else []
         for number, *coordinates in rows:
-            point = [*(float(word.upper().replace("D", "E")) for word in coordinates), 0.0, 0.0][:3]
+            point = [*(float(word.upper().replace("D", "E") or 0) for word in coordinates), 0.0, 0.0][:3]
             if self._nodes.setdefault(int(number), point) != point:
                 raise ValueError(f"two nodes have the number {number}")
             members.append(int(number))
 
-    def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
+    def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
         kind = options.get("TYPE", "")
         plane, truss = _PLANE.fullmatch(kind.upper()), _TRUSS.fullmatch(kind.upper())
+        if of_assembly and not plane and not truss:  # springs, masses and connectors
+            self._of_assembly["ELSET"] |= {int(words[0]) for words in rows if words[0].isdigit()}
+            return
+        if of_assembly:
+            raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")
         if not plane and not truss:
             raise InputError("mesh", "", f"holds elements of type {kind!r}: give triangles and quadrilaterals only")
         count = int(plane[1]) if plane else 2 if truss and truss[1] else 3
-        table = np.array([int(word) for words in rows for word in words if word.strip()]).reshape(-1, 1 + count)
+        table = np.array([int(word) for words in rows for word in words if word]).reshape(-1, 1 + count)
         for number, *nodes in table.tolist():
             if number in self._elements:
                 raise ValueError(f"two elements have the number {number}")
@@ -531,17 +497,27 @@ class _AbaqusFile:
 
     def _read_set(self, keyword: str, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
         is_surface, of_nodes = keyword == "SURFACE", options.get("TYPE", "").upper() == "NODE"
-        members = self._set("NSET" if of_nodes else keyword, options, of_assembly=of_assembly)
+        keyword = "NSET" if of_nodes else keyword
+        members = self._set(keyword, options, of_assembly=of_assembly)
+        is_inside = of_assembly and "INSTANCE" not in options  # names and numbers are those of the assembly
+        others = self._of_assembly["NSET" if keyword == "NSET" else "ELSET"] if is_inside else set[int]()
+
+        def member(word: str) -> _Member:
+            """The number, or the set, that a word means; the name of an instance may stand before it."""
+            instance, _, name = word.upper().rpartition(".")
+            return int(name) if name.isdigit() else (is_inside and not instance, name)
+
+        if keyword == "NSET" and options.get("ELSET"):  # the nodes of elements
+            for number in self._numbers("ELSET", [member(options["ELSET"])]):
+                members[""] += self._elements[number]
         for words in rows:
             if "GENERATE" in options:
                 first, last, *step = map(int, words)
-                members[""].append(range(first, last + 1, *step))
+                members[""] += [range(first, last + 1, *step)] if first not in others else []
             else:
-                # without quotes, and without the name of the instance
-                names = [word.replace('"', "").strip().upper().rpartition(".")[2] for word in words]
-                side = names[1] if is_surface and not of_nodes and len(names) > 1 else ""
-                used = filter(None, names[:1] if is_surface else names)
-                members[side] += [int(name) if name.isdigit() else name for name in used]
+                side = words[1].upper() if is_surface and not of_nodes and len(words) > 1 else ""
+                used = filter(None, words[:1] if is_surface else words)
+                members[side] += [member(word) for word in used if not word.isdigit() or int(word) not in others]
 
     def _set(self, keyword: str, options: dict[str, str], *, of_assembly: bool) -> _Members:
         """The members of the set that the options name."""
@@ -553,20 +529,21 @@ class _AbaqusFile:
             self._called.setdefault(key, name)
         return self._members[key]
 
-    def _numbers(self, key: _Key, members: list[_Member]) -> list[int]:
+    def _numbers(self, keyword: str, members: list[_Member]) -> list[int]:
         """The elements, or nodes, among members of a set and of the sets among these, in ascending order."""
-        keyword, known = ("NSET", self._nodes.keys()) if key[0] == "NSET" else ("ELSET", self._elements.keys())
-        numbers, seen, pending = set[int](), {key[2]} if keyword == key[0] else set[str](), list(members)
+        keyword, known = ("NSET", self._nodes.keys()) if keyword == "NSET" else ("ELSET", self._elements.keys())
+        numbers, seen, pending = set[int](), set[_Key](), list(members)
         while pending:
             member = pending.pop()
             if isinstance(member, range):
                 numbers.update(member if len(member) <= len(known) else (each for each in known if each in member))
             elif isinstance(member, int):
                 numbers.add(member)
-            elif member not in seen:
-                seen.add(member)
-                nested = self._members.get((keyword, key[1], member), self._members.get((keyword, False, member)))
-                if nested is None:
-                    raise ValueError(f"there is no set {member} (*{keyword})")
-                pending += chain.from_iterable(nested.values())
+            else:
+                of_assembly, name = member
+                key = keyword, of_assembly and (keyword, True, name) in self._members, name
+                if key not in self._members:
+                    raise ValueError(f"there is no set {name} (*{keyword})")
+                pending += chain.from_iterable(self._members[key].values()) if key not in seen else ()
+                seen.add(key)
         return sorted(numbers & known)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import (
     BoolArray,
     FloatArray,
+    IntArray,
     finite_number,
     positive_number,
     real_array,
@@ -19,6 +20,8 @@ from qvi_contact.basics.checks import (
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import MeshParts
+from qvi_contact.mesh.edges import cross
+from qvi_contact.mesh.selection import point
 
 LONGEST: Final = 500.0
 """Largest ratio of a cell's length to its width; longer cells are cut, as thinner triangles lose too many digits."""
@@ -26,6 +29,7 @@ LONGEST: Final = 500.0
 SIDES: Final = ("bottom", "right", "top", "left")
 """Names of the sides of a grid, counterclockwise from the one that faces −y."""
 
+_AREA_TOLERANCE: Final = 1e-6  # relative difference of areas that is more than rounding
 _MOST_LINES: Final = 1_000_000
 _MOST_CELLS: Final = 10_000_000
 _FEW_CELLS: Final = 10_000  # cutting long cells may always make so many
@@ -65,15 +69,14 @@ def rectangle_lines(
 ) -> tuple[FloatArray, FloatArray]:
     """Grid lines x, y of a rectangle; see `TriangleMesh.rectangle`."""
     width, height = positive_number("width", width), positive_number("height", height)
-    pair = grading if isinstance(grading, (tuple, list)) else (grading, grading)
-    for name, value in (("cells", cells), ("origin", origin), ("grading", pair)):
-        if not isinstance(value, (tuple, list)) or len(value) != 2:
-            raise InputError(name, value, "give a pair, for x and y")
+    if not isinstance(cells, (tuple, list)) or len(cells) != 2:
+        raise InputError("cells", cells, "give a pair, for x and y")
+    ratios = point("grading", grading if isinstance(grading, (tuple, list)) else (grading, grading))
     across, up = (whole_number("cells", number) for number in cells)
     if across * up > _MOST_CELLS:
         raise InputError("cells", tuple(cells), f"give at most {_MOST_CELLS:,} cells in all")
-    left, bottom = (finite_number("origin", coordinate) for coordinate in origin)
-    return graded_lines(left, left + width, across, pair[0]), graded_lines(bottom, bottom + height, up, pair[1])
+    left, bottom = point("origin", origin)
+    return graded_lines(left, left + width, across, ratios[0]), graded_lines(bottom, bottom + height, up, ratios[1])
 
 
 def checked_lines(name: str, lines: ArrayLike) -> FloatArray:
@@ -117,25 +120,52 @@ def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshPart
     if not mask.any():
         raise InputError("active", active, "at least one cell must belong to the body")
     x_lines, y_lines, is_body = _without_long_cells(*lines, mask)
-    padded = ~np.pad(is_body, 1)
-    below, right, above, left = padded[:-2, 1:-1], padded[1:-1, 2:], padded[2:, 1:-1], padded[1:-1, :-2]
-    # take the diagonal that runs into more corners of the body; if equal, the one away from the grid's middle
-    rising, falling = (below & left).astype(int) + (above & right), (below & right).astype(int) + (above & left)
-    upper, right_half = (2 * np.arange(count) + 1 >= count for count in is_body.shape)
+    vertices = np.column_stack([np.tile(x_lines, len(y_lines)), np.repeat(y_lines, len(x_lines))])
     row, column = np.nonzero(is_body)
-    falls = np.where(falling == rising, upper[:, None] != right_half, falling > rising)[row, column]
-    stride = len(x_lines)
-    a = column + row * stride  # corners of each cell, counterclockwise from the lower left one
-    b, c, d = a + 1, a + 1 + stride, a + stride
-    first = np.column_stack([a, b, np.where(falls, d, c)])
-    second = np.column_stack([np.where(falls, b, a), d, c])
-    cells = np.stack([first, second], axis=1).reshape(-1, 3)
-    sets = {}
-    for name, start, stop, is_free in zip(SIDES, (a, b, d, a), (b, c, c, d), (below, right, above, left), strict=True):
-        on_side = is_free[row, column]
-        sets[name] = np.column_stack([start[on_side], stop[on_side]])
-    vertices = np.column_stack([np.tile(x_lines, len(y_lines)), np.repeat(y_lines, stride)])
-    return MeshParts(vertices, cells, sets).without_others()
+    around = np.array([0, 1, len(x_lines) + 1, len(x_lines)])  # counterclockwise from the lower left corner
+    quads = (column + row * len(x_lines))[:, None] + around
+    is_upper, is_right = 2 * row + 1 >= is_body.shape[0], 2 * column + 1 >= is_body.shape[1]
+    ends, is_outer = sides_of(quads)
+    sets = {name: ends[is_outer[:, side], side] for side, name in enumerate(SIDES)}
+    return MeshParts(vertices, triangles_of(vertices, quads, is_upper != is_right)[0], sets).without_others()
+
+
+def triangles_of(
+    points: FloatArray, cells: IntArray, prefers_bd: BoolArray | bool = False
+) -> tuple[IntArray, IntArray]:
+    """Triangles (t, 3) of cells (m, 4), and the cell (t,) of each; triangles have their last corner twice in `cells`.
+
+    A quadrilateral in a corner of the body is cut from that corner, as in `TriangleMesh.grid`. Otherwise the diagonal
+    with the larger smaller triangle is taken, of two equal ones the first, or the second where `prefers_bd`.
+    """
+    quads = cells[:, 3] != cells[:, 2]
+    if not quads.any():
+        return cells[:, :3], np.arange(len(cells))
+    _, on_boundary = sides_of(cells)
+    in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # of the body, at a, b, c, d
+    a, b, c = points[cells[:, [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]]]].transpose(2, 0, 1, 3)
+    with np.errstate(all="ignore"):  # `TriangleMesh` refuses coordinates that are too large or not finite
+        double_areas = cross(b - a, c - a).reshape(-1, 2, 2)  # of the halves for diagonal ac, bd
+        is_inside, least = (np.sign(double_areas).prod(axis=2) > 0.0), np.abs(double_areas).min(axis=2)
+    least[~is_inside] = -1.0
+    # take diagonal bd instead of ac if it runs into more corners of the body, else by the areas
+    b_larger = least[:, 1] > least[:, 0] * (1.0 + np.where(prefers_bd, -_AREA_TOLERANCE, _AREA_TOLERANCE))
+    corners_bd = in_corner[:, [1, 3]].sum(axis=1) - in_corner[:, [0, 2]].sum(axis=1)
+    from_b = np.where(is_inside.all(axis=1) & (corners_bd != 0), corners_bd > 0, b_larger)[:, None]
+    halves = np.stack(
+        [np.where(from_b, cells[:, [0, 1, 3]], cells[:, :3]), np.where(from_b, cells[:, 1:], cells[:, [0, 2, 3]])], 1
+    )
+    halves[~quads, 0] = cells[~quads, :3]
+    is_triangle = np.column_stack([np.ones(len(cells), dtype=bool), quads])
+    return halves[is_triangle], np.repeat(np.arange(len(cells)), is_triangle.sum(axis=1))
+
+
+def sides_of(cells: IntArray) -> tuple[IntArray, BoolArray]:
+    """Ends (m, 4, 2) of the sides ab, bc, cd, da of cells (m, 4), and whether one cell only has a side (m, 4)."""
+    ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2), axis=2)
+    keys = ends[..., 0] * (cells.max(initial=0) + 1) + ends[..., 1]
+    _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
+    return ends, (count == 1)[number].reshape(keys.shape) & (ends[..., 0] != ends[..., 1])
 
 
 def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:

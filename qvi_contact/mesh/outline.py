@@ -24,7 +24,7 @@ from qvi_contact.basics.schema import LARGEST, Checked, Name, Positive
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts, circle
 from qvi_contact.mesh.edges import Topology, cross
-from qvi_contact.mesh.selection import point
+from qvi_contact.mesh.selection import in_circles, point
 from solvers.basics.foreign import foreign_code, handlers_kept
 from solvers.basics.types import load
 
@@ -40,7 +40,6 @@ _MIN_DISTANCE: Final = 1e-5  # least distance of points and lines that do not me
 _MAX_COORDINATE: Final = 1e5  # farther from the origin rounding is too large
 _MIN_SIZE: Final = 1e-7  # of triangles
 _MAX_RADIUS: Final = 1e6  # relative to the chord: a flatter arc is its chord up to rounding
-_POINTS_AT_A_TIME: Final = 256  # whose distances from all lines are in memory
 
 
 @dataclass(frozen=True)
@@ -155,9 +154,10 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
     corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _checked_list(line)]
     if len(corners) < 2:
         raise InputError(name, len(corners), "give two or more corners")
+    least = 2 if closed and len(corners) == 2 else 1  # chords of an arc: those of two corners would lie on one line
     corners += corners[:1] if closed else []
     corner_sizes = [corner.size or size for corner in corners]
-    divisions = [_division(name, *each) for each in zip(corners, corners[1:], corner_sizes, strict=False)]
+    divisions = [_division(name, *each, least) for each in zip(corners, corners[1:], corner_sizes, strict=False)]
     counts = [len(points) for points in divisions]
     if closed and sum(counts) < 3:
         raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
@@ -171,8 +171,8 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
     return Polygon(points[ends], names, sizes[ends], centres)
 
 
-def _division(name: str, corner: Corner, next_corner: Corner, size: float) -> FloatArray:
-    """The corner, and the points that divide an arc from there, without its end point; shape (n, 2)."""
+def _division(name: str, corner: Corner, next_corner: Corner, size: float, least: int) -> FloatArray:
+    """The corner, and the points that divide an arc into `least` or more, without its end point; shape (n, 2)."""
     start, stop = np.array(corner.at), np.array(next_corner.at)
     if np.array_equal(start, stop):
         raise InputError(name, corner.at, "two corners lie here one after the other: leave one out")
@@ -190,7 +190,7 @@ def _division(name: str, corner: Corner, next_corner: Corner, size: float) -> Fl
         raise InputError(name, size, f"would divide this arc into {chords:g} chords, at most {_MAX_LINES}: give more")
     if chords < 1.0:
         raise InputError(name, corner.centre, "is too far from this arc: leave the centre out, the line is straight")
-    count = int(chords)
+    count = max(int(chords), least)
     angles = start_angle + (-1.0 if corner.clockwise else 1.0) * turn * np.arange(count) / count
     points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     points[0] = start
@@ -223,55 +223,62 @@ def _check_lines(outline: Polygons) -> None:
     if lengths.min() < least:
         place = tuple(pieces[np.argmin(lengths), 0].tolist())
         raise InputError("outline", place, "two corners lie here one after the other: leave one out")
-    points = np.concatenate([pieces[:, 0], pieces[:, 1], outline.points])
-    touching, sides = list[BoolArray](), list[IntArray]()
-    for some_points in np.array_split(points, 1 + len(points) // _POINTS_AT_A_TIME):
-        distances = _distances(some_points, outline.every)
-        too_close = (distances > rounding) & (distances < least)
-        if too_close.any():
-            place = tuple(some_points[np.argwhere(too_close)[0, 0]].tolist())
-            remedy = "this point nearly lies on another line or point: let them meet, or move them apart"
-            raise InputError("outline", place, remedy)
-        touching.append(distances <= rounding)
-        offset = cross(pieces[:, 1] - pieces[:, 0], some_points[:, None] - pieces[:, 0]) / lengths  # left of the piece
-        sides.append(np.where(np.abs(offset) > rounding, np.sign(offset), 0.0).astype(np.int8))
+    points, middles = np.concatenate([pieces[:, 0], pieces[:, 1], outline.points]), pieces.mean(axis=1)
+    near, point = in_circles(points, middles, lengths / 2.0 + least)  # these circles hold arcs too
+    distances = _distances(points[point], pieces[near], outline.every.centres[near])
+    too_close = (distances > rounding) & (distances < least)
+    if too_close.any():
+        remedy = "this point nearly lies on another line or point: let them meet, or move them apart"
+        raise InputError("outline", tuple(points[point[too_close].min()].tolist()), remedy)
     counts = [len(line.names) for line in outline.boundary]
     boundary = np.arange(sum(counts))  # its pieces, and the points at which they begin
     next_point = np.concatenate([np.roll(part, -1) for part in np.split(boundary, np.cumsum(counts)[:-1])])
-    touches, side = (np.concatenate(each)[np.ix_(boundary, boundary)] for each in (touching, sides))
-    touches[boundary, boundary] = touches[next_point, boundary] = False
-    on_both_sides = side * side[next_point] < 0  # whether the ends of a piece are on both sides of another piece
-    is_wrong = (touches | (on_both_sides & on_both_sides.T)).any(axis=0)
-    if is_wrong.any():
-        x, y = pieces[np.argmax(is_wrong)].mean(axis=0).tolist()
+    touches = (distances <= rounding) & (np.maximum(near, point) < len(boundary)) & (near != point)
+    touching = near[touches][next_point[near[touches]] != point[touches]]
+    # of two pieces that cross, the middle of the shorter one is no farther from that of the other than this is long
+    one, other = in_circles(middles[boundary], middles[boundary], lengths[boundary])
+
+    def separates(line: IntArray, across: IntArray) -> BoolArray:
+        """Whether the ends of pieces `across` lie on both sides of pieces `line`."""
+        chord, start = pieces[line, 1] - pieces[line, 0], pieces[line, 0]
+        left, right = (cross(chord, pieces[across, end] - start) / lengths[line] for end in (0, 1))
+        return np.asarray((np.minimum(left, right) < -rounding) & (np.maximum(left, right) > rounding))
+
+    crosses = separates(one, other) & separates(other, one)
+    wrong = np.concatenate([touching, one[crosses], other[crosses]])
+    if len(wrong):
+        x, y = middles[wrong.min()].tolist()
         raise InputError("outline", (x, y), "two lines of the boundary cross or touch around this point")
 
 
 def _check_inside(outline: Polygons) -> None:
     """`InputError` if a hole, or a point with a size, is not inside the body."""
-    outer, *holes = outline.boundary
-    for k, hole in enumerate(holes):
-        start, others = hole.pieces[:1, 0], (other for other in holes if other is not hole)
-        if not outer.holds(start)[0] or any(other.holds(start)[0] for other in others):
-            raise InputError(f"holes[{k}]", tuple(start[0].tolist()), "this hole is not inside the body: move it")
-    inside = np.sum([line.holds(outline.points) for line in outline.boundary], axis=0) == 1  # in the outer line only
-    border = Polygon(*map(np.concatenate, zip(*outline.boundary, strict=True)))
-    inside |= (_distances(outline.points, border) <= _SAME_PLACE * outline.length).any(axis=1)
-    if not inside.all():
-        raise InputError("sizes", tuple(outline.points[np.argmin(inside)].tolist()), "give points of the body")
+    holes = outline.boundary[1:]
+    places = np.concatenate([*(hole.pieces[:1, 0] for hole in holes), outline.points])
+    held = np.array([line.holds(places) for line in outline.boundary])
+    np.fill_diagonal(held[1:], False)  # a hole begins on its own line
+    border = slice(sum(len(line.names) for line in outline.boundary))
+    distances = _distances(outline.points[:, None], outline.every.pieces[border], outline.every.centres[border])
+    is_outside = ~held[0] | held[1:].any(axis=0)
+    is_outside[len(holes) :] &= (distances > _SAME_PLACE * outline.length).all(axis=1)
+    if is_outside.any():
+        first = int(np.argmax(is_outside))
+        of_hole = f"holes[{first}]", "this hole is not inside the body: move it"
+        field, remedy = of_hole if first < len(holes) else ("sizes", "give points of the body")
+        raise InputError(field, tuple(places[first].tolist()), remedy)
 
 
-def _distances(points: FloatArray, line: Polygon) -> FloatArray:
-    """Distances (m, k) [length] of points (m, 2) from the k pieces of a line; pieces of arcs count as arcs."""
-    start, stop = line.pieces[:, 0], line.pieces[:, 1]
-    piece, offset = stop - start, points[:, None] - start
-    t = np.clip((offset * piece).sum(axis=2) / (piece**2).sum(axis=1), 0.0, 1.0)
-    distance = np.hypot(*np.moveaxis(offset - t[:, :, None] * piece, 2, 0))
-    first, last, arm = start - line.centres, stop - line.centres, points[:, None] - line.centres
+def _distances(points: FloatArray, pieces: FloatArray, centres: FloatArray) -> FloatArray:
+    """Distances [length] of points (k, 2) from k pieces, one each, or (m, 1, 2) from all; pieces of arcs are arcs."""
+    start, stop = pieces.swapaxes(0, 1)
+    piece, offset = stop - start, points - start
+    t = np.clip((offset * piece).sum(axis=-1) / (piece**2).sum(axis=1), 0.0, 1.0)
+    distance = np.hypot(*np.moveaxis(offset - t[..., None] * piece, -1, 0))
+    first, last, arm = start - centres, stop - centres, points - centres
     radius, turn = np.hypot(*first.T), np.sign(cross(first, last))
     in_sector = (turn * cross(first, arm) >= 0.0) & (turn * cross(arm, last) >= 0.0)  # between the radii to both ends
     in_sector &= radius < _MAX_RADIUS * np.hypot(*piece.T)
-    return np.asarray(np.where(in_sector, np.abs(np.hypot(*np.moveaxis(arm, 2, 0)) - radius), distance))
+    return np.asarray(np.where(in_sector, np.abs(np.hypot(*np.moveaxis(arm, -1, 0)) - radius), distance))
 
 
 def _checked_list(line: object) -> Sequence[Any]:
@@ -375,7 +382,7 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
     for _, tag in gmsh.model.getEntities(1):
         places = [gmsh.model.getValue(0, abs(end), [])[:2] for _, end in gmsh.model.getBoundary([(1, tag)])]
         places.append(gmsh.model.getValue(1, tag, np.mean(gmsh.model.getParametrizationBounds(1, tag), axis=0))[:2])
-        distances = _distances(np.array(places) / unit, shape.every)
+        distances = _distances(np.array(places)[:, None] / unit, pieces, centres)
         on = np.flatnonzero((distances <= _SAME_PLACE * shape.length).all(axis=0))
         pairs = vertex[elements(1, tag)]
         line_pairs.append(pairs)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,8 +48,6 @@ Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], Arra
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
 
 _EDGE_SETS_FORMAT: Final = "names to edges by their vertices, arrays (k, 2)"  # in messages
-# cached values that do not fit a mesh with other names
-_DEPENDS_ON_NAMES: Final = ("edge_names", "joint_names", "kept", "_numbers", "_taken")
 _NAMES_IN_REPR: Final = 8  # of one kind
 _MAX_DEPTH: Final = 100  # steps of `graded`
 _VERTEX_TOLERANCE: Final = 1e-9  # distance from a vertex, relative to the body's larger extent, that counts as rounding
@@ -91,7 +89,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             if names:
                 more = f" and {len(names) - _NAMES_IN_REPR} more" if len(names) > _NAMES_IN_REPR else ""
                 parts += f"; {kind} {', '.join(names[:_NAMES_IN_REPR])}{more}"
-        cells = f"{len(self.cells)} triangles with {len(self.vertices)} vertices"
+        cells = f"{len(self.cells)} triangle{'s'[: len(self.cells) - 1]} with {len(self.vertices)} vertices"
         return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{parts}>"
 
     def _repr_png_(self) -> bytes | None:
@@ -215,7 +213,7 @@ class TriangleMesh(MeshParts, PicklesFields):
         except InputError as error:
             if not parts.arcs:
                 raise
-            remedy = "too large for an arc near another line: give the corners there a smaller one"
+            remedy = "an arc crosses a line, or is too close to it for this size: give the corners there a smaller one"
             raise InputError("size", size, remedy) from error
         for name in joints or ():
             if name not in mesh.joint_names:
@@ -372,15 +370,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             chosen = checked_set(name, where, self.topology, self.vertices)
         if not len(chosen) or not allowed[chosen].all():
             raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
-        return self._renamed({**self.edge_sets, name: ends[chosen]}, self.regions)
-
-    def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
-        """The same mesh with other edge sets and regions; nothing is checked again."""
-        mesh = object.__new__(TriangleMesh)
-        read_only(*edge_sets.values(), *regions.values())
-        named = {"edge_sets": MappingProxyType(dict(edge_sets)), "regions": MappingProxyType(dict(regions))}
-        vars(mesh).update({name: value for name, value in vars(self).items() if name not in _DEPENDS_ON_NAMES} | named)
-        return mesh
+        return replace(self, edge_sets={**self.edge_sets, name: ends[chosen]})
 
     def with_arc(self, name: str, centre: tuple[float, float], radius: float) -> TriangleMesh:
         """The same mesh with the edges called `name` as arcs of a circle [length], on which their vertices lie.
@@ -408,8 +398,8 @@ class TriangleMesh(MeshParts, PicklesFields):
     def with_region(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more region, given by a function of (x, y) at centres of triangles, or by numbers."""
         new_name(name, self.regions, "region")
-        chosen = selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
-        return self._renamed(self.edge_sets, {**self.regions, name: checked_region(name, chosen, len(self.cells))})
+        chosen: Any = selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
+        return replace(self, regions={**self.regions, name: chosen})
 
     def part(self, cells: IntArray, edge_sets: Mapping[str, IntArray] | None = None) -> TriangleMesh:
         """The chosen triangles as a mesh; it keeps names and arcs that have edges or triangles in it.

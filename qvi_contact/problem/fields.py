@@ -21,12 +21,14 @@ from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import Edges, rounding_along
-from qvi_contact.mesh.files import corners_of, reading, triangles_of
+from qvi_contact.mesh.files import corners_of, reading
+from qvi_contact.mesh.grid import triangles_of
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import PicklesFields, load
-from solvers.errors import known_name
+from solvers.errors import known_name, one_line
 
 _MAX_LENGTH: Final = 2000  # characters of an expression
+_MAX_SHOWN: Final = 60  # characters of a part of an expression in a message
 _MAX_POWERS: Final = 100  # rows, and columns, of the coefficients of a polynomial
 _VARIABLES: Final = ("x", "y", "t")
 
@@ -202,15 +204,19 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
                 raise ValueError(f"{name} takes {n_arguments} argument{'s' if n_arguments > 1 else ''}")
             return FUNCTIONS[name](*(_value(each, names) for each in arguments))
         case ast.Call(func=function):
-            raise ValueError(f"{ast.unparse(function)} is not a known function; there are {', '.join(FUNCTIONS)}")
-        case ast.Name(id=name):
-            raise ValueError(f"{name} is not a known name; there are {', '.join(names)}")
+            raise ValueError(f"{_shown(function)} is not a known function; there are {', '.join(FUNCTIONS)}")
+        case ast.Name():
+            raise ValueError(f"{_shown(node)} is not a known name; there are {', '.join(names)}")
     hints = {
         ast.BitXor: "write ** for powers", ast.IfExp: "write where(condition, then, else)",
         ast.Compare: "compare by < <= > >=", ast.And: "write min(one, other)", ast.Or: "write max(one, other)",
     }  # fmt: skip
-    remedy = f"{ast.unparse(node)} is not allowed: use numbers, x, y, t, + - * / ** and functions"
+    remedy = f"{_shown(node)} is not allowed: use numbers, x, y, t, + - * / ** and functions"
     raise ValueError(hints.get(type(getattr(node, "op", node)), remedy))
+
+
+def _shown(part: ast.AST) -> str:
+    return one_line(ast.unparse(part), _MAX_SHOWN)
 
 
 def along_edges(

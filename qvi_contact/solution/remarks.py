@@ -14,7 +14,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.loads import joined, physical
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
-from qvi_contact.mesh.edges import closes, edge_ends
+from qvi_contact.mesh.edges import closes
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.contact_line import ContactState
@@ -135,14 +135,15 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
                 "not computed. limit_load_factor, or 'qvi-contact limit', finds the largest load that it carries."
             )
     mirrors = [problem.mesh.edges(each.edges) for each in problem.conditions if isinstance(each, Symmetry)]
-    mirrored = np.concatenate([np.empty(0, dtype=np.int64), *map(edge_ends, mirrors)])
+    mirrored = [vertex for each in mirrors for vertex in (*each.first, *each.second)]
     for rows in result.discretization.contacts:
         line, edges = result.contacts[rows.name], rows.points.edges
         touches = (line.state != ContactState.OPEN).reshape(len(edges), -1)
         plane = np.column_stack([np.ones(len(line.x)), line.x, line.y])
         off_plane = np.abs(rows.gap - plane @ np.linalg.lstsq(plane, rows.gap, rcond=None)[0]).max(initial=0.0)
         in_contact = edges.take(touches.any(axis=1) & (edges.bent | (off_plane > _FLAT * np.abs(rows.gap).max())))
-        count = len(in_contact) * (2 if np.isin(edge_ends(in_contact), mirrored).any() else 1)  # with the mirrored half
+        is_mirrored = np.isin([in_contact.first, in_contact.second], mirrored).any()
+        count = len(in_contact) * (2 if is_mirrored else 1)  # with the mirrored half
         if not touches.all() and 0 < count < _EDGES_IN_CONTACT:
             x, y = (part[touches.ravel()].mean() for part in (line.x, line.y))
             yield (

@@ -96,7 +96,10 @@ class Measure:
 
     def needed(self, value: float) -> float:
         """The smallest tolerance at which `value` passes."""
-        return float((value / self.factor) ** (1.0 / self.exponent))
+        try:
+            return float((value / self.factor) ** (1.0 / self.exponent))
+        except OverflowError:
+            return np.inf
 
 
 MEASURES: Final = (

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import InputError, TriangleMesh, solve
 from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Polynomial, Symmetry, Traction
+from tests.cases import refusal
 
 POINTS = np.random.default_rng(0).uniform(0.1, 2.0, (2, 3, 4))
 
@@ -120,6 +121,7 @@ DANGEROUS = [
     "sin(x, out=y)", "hypot(x, y, out=x)", "sin(*y)", "sin(**y)", "sin()(x)", "(sin)(x)(y)", "where(x)(y)", "z", "X",
     "__builtins__", "__doc__", "_", "await x", "yield x", "", "   ", "x +", "1 2", "\x00", "x\ny", "#", "sin",
     "x + sin", "sin * 2", "sin < 1", "min", "where(sin, 1, 2)",
+    "q" * 1000, f"{'q' * 1000}(x)", f"({'+'.join(['x'] * 500)})[0]",
 ]  # fmt: skip
 
 
@@ -128,10 +130,10 @@ class TestRefused:
 
     @pytest.mark.parametrize("text", DANGEROUS)
     def test_dangerous_or_meaningless(self, text):
-        with warnings.catch_warnings(action="error"), pytest.raises(InputError) as caught:
-            Expression(text)
-        assert "\n" not in str(caught.value)
-        assert {"x == y": "by < <=", "x and y": "write min(", "x ^ y": "**"}.get(text, "") in str(caught.value)
+        with warnings.catch_warnings(action="error"):
+            message = str(refusal(Expression, text))
+        assert len(message) < 400
+        assert {"x == y": "by < <=", "x and y": "write min(", "x ^ y": "**"}.get(text, "") in message
 
     def test_number_of_arguments(self):
         """One more would be taken by numpy for the array to write the result to: into x itself."""

@@ -55,7 +55,8 @@ class TestFiles:
         ("name", "text", "told"),
         [("a.stl", "", "endings"), ("a.msh", None, "no such file"), ("a.msh", "nonsense", "cannot be read"),
          ("a.msh", "", "cannot be read"), ("a.inp", INP.replace("CPS3", "CPE9"), "cannot be read"),
-         ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=C3D4\n3, 1, 2, 3, 4"), "'C3D4'"),
+         *(("a.inp", INP.replace("2, 1, 0", "2, 1, nan").replace("CPS3\n3, 1, 2, 3\n4, 1, 3", f"{new}, 1, 2, 3"), told)
+           for new, told in (("C3D4\n3", "'C3D4'"), ("CPS4\n3", "no finite"))),
          ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
          ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"), ("a.med", "nonsense", "cannot be read"),
          *(("a.msh", MSH_4.replace("4.1 0 8", f"{v} 0 8"), "4.1 or 2.2") for v in ("4.0", "4", "3", "1"))],
@@ -152,7 +153,7 @@ class TestGmsh:
         refusal(written(tmp_path / "a.msh", text, (old, new)))
 
     def test_numbers_with_gaps_are_read_and_take_no_memory(self, tmp_path):
-        path = written(tmp_path / "a.msh", MSH_4, ("\n5\n0 0 0", f"\n{MUCH}\n0 0 0"))
+        path = written(tmp_path / "a.msh", "\ufeff" + MSH_4, ("\n5\n0 0 0", f"\n{MUCH}\n0 0 0"))
         assert TriangleMesh.load(path).cells.tolist() == [[0, 1, 2], [0, 2, 3]]
 
     @pytest.mark.parametrize("text", [MSH_2, MSH_4])
@@ -161,13 +162,13 @@ class TestGmsh:
         more = f'$Periodic\n{MUCH}\n$EndPeriodic\n$NodeData\n1\n"a"\n0\n3\n0\n{MUCH}\n{MUCH}\n$EndNodeData\n'
         assert TriangleMesh.load(written(tmp_path / "a.msh", text + more)).region_names[0] == "steel"
 
-    def test_names_times_blocks(self, tmp_path):
-        """Each block may have all names."""
+    def test_names_times_elements(self, tmp_path):
+        """Each element may have all names."""
         names = "".join(f'1 {number} "{number}"\n' for number in range(10, 5_010))
-        blocks = "1 1 1 1\n1 1 2\n" * 5_000
-        changes = [("$PhysicalNames\n4\n", f"$PhysicalNames\n5004\n{names}"), ("$Elements\n4 4 1 4\n", "$Elements\n")]
-        path = written(tmp_path / "a.msh", MSH_4, *changes, ("$Elements\n", f"$Elements\n5004 5004 1 4\n{blocks}"))
-        with pytest.raises(InputError, match="5004"):
+        elements = "1 1 1 20001\n" + 20_000 * "7 1 2\n"
+        changes = [("$PhysicalNames\n4\n", f"$PhysicalNames\n5004\n{names}"), ("$Elements\n4 4", "$Elements\n4 20003")]
+        path = written(tmp_path / "a.msh", MSH_4, *changes, ("1 1 1 1\n", elements))
+        with pytest.raises(InputError, match="names"):
             TriangleMesh.load(path)
 
     @pytest.mark.parametrize("kind", ["gmsh", "gmsh22"])
@@ -233,7 +234,7 @@ class TestAbaqus:
     @pytest.mark.parametrize(("kind", "side", "seam"), [("CPS3", "S2", "S3"), ("S3", "S4", "S5"), ("M3D3", "E2", "E3")])
     def test_surfaces_and_node_sets(self, tmp_path, kind, side, seam):
         """Two squares, the right one cut in two: by elements, sides and nodes, in a part and its assembly."""
-        text = f"""*PART, NAME=P\n*NODE, NSET=Nodes\n1, 0D0, 0\n2, 1.0d0, 0\n3, 1, 1\n4, 0, 1\n5, 2, 0\n6, 2, 1
+        text = f"""*PART, NAME=P\n*NODE, NSET=Nodes\n1, , 0D0,\n2, 1.0d0, ,\n3, 1, 1\n4, 0, 1\n5, 2, 0\n6, 2, 1
         *NODE\n7, 9, 9\n*ELEMENT, TYPE=CPS4\n1, 1, 2, 3, 4\n*ELEMENT, TYPE={kind}, ELSET=right\n2, 2, 5, 6\n3, 2, 6, 3
         *ELEMENT, TYPE=T2D2, ELSET=wall\n4, 4, 1\n*NSET, NSET=Base\n5, 1, 2, 7\n*NSET, NSET=Twice\n1, 2
         *NSET, NSET=_Picked, INTERNAL\n1, 2\n*ELSET, ELSET=Base\n1, 2\n*ELSET, ELSET=Twice\n1
@@ -241,6 +242,8 @@ class TestAbaqus:
         *SURFACE, NAME=Two, COMBINE=UNION\nTop, Right
         *SURFACE, NAME=Rigid, TYPE=SEGMENTS\nSTART, 0, 0\n*SURFACE, NAME=Floor, TYPE=NODE\nBase, 1.0\n*END PART
         *ASSEMBLY\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n*NSET, NSET=Twice, INSTANCE=I\n2, 5\n*ELSET, ELSET=Twice\n2
+        *NODE\n3, 9, 9\n6, 9, 9\n*NSET, NSET=Points, GENERATE\n3, 6, 3\n*NSET, NSET=Rim, ELSET=I.Twice\n3, 6
+        *ELEMENT, TYPE=CONN2D2, ELSET=Links\n8, 3, I.3\n
         *ELSET, ELSET=_S2, INTERNAL, INSTANCE=I\n2\n*SURFACE, NAME=Side\n_S2, {side}\n*SURFACE, NAME=wall\n1, S1
         *NSET, NSET=Low, GENERATE\n1, 2, 1\n*SURFACE, NAME=West\nI.wall, SPOS\n*SURFACE, NAME=Seam\n3, {seam}"""
         mesh = TriangleMesh.load(written(tmp_path / "a.inp", text))
@@ -248,10 +251,11 @@ class TestAbaqus:
         below, above, east, west = [[0.5, 0.0], [1.5, 0.0]], [[0.5, 1.0], [1.5, 1.0]], [2.0, 0.5], [0.0, 0.5]
         assert {name: sorted(points) for name, points in middle.items()} == {
             "wall": [west], "Base": below, "Floor": below, "Low": below[:1], "Right": [below[1], above[1], east],
-            "Top": above, "Seam": [[1.0, 0.5]], "Side": [east], "West": [west],
-            "Nodes": sorted([*below, *above, east, west]),
+            "Top": above, "Seam": [[1.0, 0.5]], "Side": [east], "West": [west], "Rim": [west, below[0], above[0]],
+            "Nodes": sorted([*below, *above, east, west]), "Twice": below[1:], "I.Twice": below[:1],
         }  # fmt: skip
-        assert mesh.region_names == ("right", "Base")
+        regions = {name: len(cells) for name, cells in mesh.regions.items()}
+        assert regions == {"right": 2, "Base": 3, "Twice": 1, "I.Twice": 2}
 
     @pytest.mark.parametrize(
         ("new", "told"),
@@ -259,6 +263,7 @@ class TestAbaqus:
          ("*NODE, SYSTEM=C\n", "moves or makes"), ("*NODE\n1, 0, 9\n", "two nodes"), ("*NGEN\n1, 3, 1\n", "NGEN"),
          ("*ELSET, ELSET=a, GENERATE\n1, 1000000000000, 0\n", "zero"), ("*INCLUDE, INPUT=a.inp\n", "includes"),
          ("*ELSET, ELSET=a\nb\n", "no set B"), ("*NSET, NSET=a\nb\n", "no set B"),
+         ("*ASSEMBLY\n*ELEMENT, TYPE=CPS3\n9, 1, 2, 3\n", "of an assembly"),
          ("*ELEMENT, TYPE=CPS4\n9, 1, 2, 3\n", "reshape"), ("*ELEMENT, TYPE=CPS3\n9, 1, 2, 7\n", "joins nodes")],
     )  # fmt: skip
     def test_what_is_not_read_is_told(self, tmp_path, new, told):

@@ -197,7 +197,7 @@ class TestMeshes:
             mesh = TriangleMesh.outline(corners, 0.2, holes=hole, joints={"cut": [(0.0, 0.5), (0.55, 0.5)]})
             assert np.hypot(*(mesh.vertices[mesh.edge_sets["bore"]] - [1.0, 0.5]).T) == pytest.approx(0.45, rel=1e-12)
             assert mesh.edges("cut").length.sum() == pytest.approx(0.55)
-        with refused_at("size"):
+        with refused_at("size", "crosses a line, or is too close"):
             TriangleMesh.outline(body, 1.0, holes=hole)
 
     def test_sizes_are_kept(self, arch):
@@ -231,6 +231,8 @@ class TestMeshes:
         dome = [Corner((0.0, 0.0), "base"), Corner((1.0, 0.0), "dome", (0.5, 0.0))]
         mesh = TriangleMesh.outline(dome, 0.3, joints={"cut": [(0.35, 0.0), (0.35, end)]})
         assert [mesh.edges(name).length.sum() for name in ("dome", "cut")] == pytest.approx([0.5 * np.pi, end])
+        segment = TriangleMesh.outline([Corner((1.0, 0.0), "arc", (0.0, 0.0)), (np.cos(0.3), np.sin(0.3))], 1.0)
+        assert segment.edges("arc").length.sum() == pytest.approx(0.3)
 
     @pytest.mark.parametrize(("size", "away"), [(1e-6, 0.0), (1e5, 0.0), (1.0, 1e4), (3.0, 0.0)])
     def test_neither_units_nor_places_matter(self, size, away):

@@ -279,11 +279,14 @@ class TestForged:
 
     def test_another_number(self, entries, tmp_path):
         """The others disagree, or the file is refused."""
-        for name in ("vertices", "cells", "degree", "z", "energies", "joint.slip", "earlier_slip"):
+        for name in ("vertices", "cells", "degree", "z", "energies", "joint.slip", "earlier_slip", "normal_multiplier"):
             changed = np.array(entries[name])
             place = np.unravel_index(np.abs(changed).argmax(), changed.shape)
-            changed[place] += 1e-5 * max(abs(changed[place]), 1e-3) if changed.dtype.kind == "f" else 1
-            assert fails(self.forged(tmp_path, entries, **{name: changed})), name
+            step = 1e-5 * max(abs(changed[place]), 1e-3) if changed.dtype.kind == "f" else 1
+            for wrong in (changed[place] + step, *((np.nan, -1e300) if changed.dtype.kind == "f" else ())):
+                changed[place] = wrong
+                found = fails(self.forged(tmp_path, entries, **{name: changed}))
+                assert "entry 'earlier_slip'" in found if np.isnan(wrong) and name == "earlier_slip" else found, name
 
     def test_other_rows_are_other_unknowns(self, entries, tmp_path):
         other = {"points": "edges", "edges": "points"}[str(entries["law_on"])]

@@ -56,7 +56,9 @@ class TestMeshFiles:
         (tmp_path / "sub").mkdir()
         (tmp_path / kind).write_text(text)
         (tmp_path / "part.toml").write_text(WITH_FILE.replace("part.msh", kind))
-        problem = load_problem(tmp_path / "part.toml").problem
+        (tmp_path / "sub" / "link.toml").symlink_to(tmp_path / "part.toml")
+        problem = (file := load_problem(tmp_path / "sub" / "link.toml")).problem
+        assert file.files == {kind: (tmp_path / kind).resolve()}
         assert problem.mesh.edge_names == ("floor", "roof", "sides", "wall")
         assert problem.mesh.joint_names == ("seam",)
         assert problem.cell_materials.tolist() == [1, 0]

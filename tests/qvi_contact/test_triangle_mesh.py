@@ -38,6 +38,7 @@ class TestTopology:
         assert topology.of_cells.tolist() == [[3, 1, 0], [4, 2, 1]]
         other_sense = TriangleMesh(SQUARE, [(2, 1, 0), (0, 2, 3)])
         assert (other_sense.cells == square().cells).all()
+        assert repr(square().part([0])) == "<TriangleMesh: 1 triangle with 3 vertices, body of 1 × 1>"
 
     def test_normals_point_out_of_the_body(self):
         mesh = l_shape()
@@ -114,11 +115,6 @@ class TestRefusals:
         with pytest.raises(InputError, match=told):
             square(edge_sets=sets)
 
-    def test_wrong_regions(self):
-        for cells in ([2], [-1], []):
-            with pytest.raises(InputError, match="0 to 1"):
-                square(regions={"steel": cells})
-
     def test_unknown_and_repeated_names(self):
         mesh = square(edge_sets={"top": [(2, 3)]})
         for told, call, *given in (
@@ -127,6 +123,7 @@ class TestRefusals:
             ("no boundary edge", mesh.with_edges, "low", lambda _, y: y < -1.0),
             ("no interior edge", mesh.with_joint, "low", [(0, 1)]),
             ("booleans", mesh.with_edges, "low", lambda _, y: y),
+            *(("0 to 1", mesh.with_region, "steel", cells) for cells in ([2], [-1], [])),
         ):  # fmt: skip
             with pytest.raises(InputError, match=told):
                 call(*given)
@@ -292,8 +289,6 @@ class TestEdges:
             assert (mesh.edges(name).first == edges.first).all()
         with pytest.raises(InputError, match="joint"):
             mesh.joint_set("top")
-        with pytest.raises(InputError, match="region"):
-            mesh.region("head")
 
     def test_all_triangles_around_a_point(self):
         mesh = TriangleMesh.rectangle((2, 2))
@@ -379,27 +374,16 @@ class TestJoined:
         with pytest.raises(InputError, match="exists already"):
             TriangleMesh.joined("foot", [self.below(), self.above((2, 2))])
 
-    def test_a_triangle_without_area_is_told_and_not_left_out(self, tmp_path):
-        below, above = self.below(), self.above((2, 2))
-        vertices = np.vstack([below.vertices, above.vertices])
-        cells = np.vstack([below.cells, above.cells + len(below.vertices), [[0, 0, 1]]]) + 1
-        lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", str(len(vertices))]
-        lines += [f"{number} {x} {y} 0" for number, (x, y) in enumerate(vertices.tolist(), 1)]
-        lines += ["$EndNodes", "$Elements", str(len(cells))]
-        lines += [f"{number} 2 2 0 1 {a} {b} {c}" for number, (a, b, c) in enumerate(cells.tolist(), 1)]
-        (tmp_path / "a.msh").write_text("\n".join([*lines, "$EndElements", ""]))
-        with pytest.raises(InputError, match="no area"):
-            TriangleMesh.load(tmp_path / "a.msh", join="seam")
-
     def test_in_a_mesh_file(self, tmp_path):
-        meshio = pytest.importorskip("meshio")
-        one, other = self.below(), self.above((4, 3))
-        points = np.concatenate([one.vertices, other.vertices])
-        cells = np.concatenate([one.cells, other.cells + len(one.vertices)])
-        meshio.write(tmp_path / "two.vtk", meshio.Mesh(np.c_[points, np.zeros(len(points))], [("triangle", cells)]))
-        with pytest.raises(InputError, match=r"do not match.*join"):
-            TriangleMesh.load(tmp_path / "two.vtk")
-        assert TriangleMesh.load(tmp_path / "two.vtk", "seam").joint_names == ("seam",)
+        """A triangle without area is told and not left out."""
+        meshio, one, other = pytest.importorskip("meshio"), self.below(), self.above((4, 3))
+        points = np.pad(np.concatenate([one.vertices, other.vertices]), [(0, 0), (0, 1)])
+        cells = np.concatenate([[[0, 0, 1]], one.cells, other.cells + len(one.vertices)])
+        for name, own, join, told in (("a.vtk", cells, "seam", "no area"), ("b.vtk", cells[1:], None, "do not.*join")):
+            meshio.write(tmp_path / name, meshio.Mesh(points, [("triangle", own)]))
+            with pytest.raises(InputError, match=told):
+                TriangleMesh.load(tmp_path / name, join)
+        assert TriangleMesh.load(tmp_path / "b.vtk", "seam").joint_names == ("seam",)
 
 
 class TestJoinedAlongArcs:
