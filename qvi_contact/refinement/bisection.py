@@ -148,6 +148,7 @@ _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
 }  # statuses of a solve that end the refinement with a status of its own
+_TRIES: Final = 2  # rounds in which bounds are useless, after which they are not tried again: states may still change
 _POSING: Final = ("degree", "law_on")  # options of the discretization, not of its solve
 
 _IN_CORNERS: Final = 3  # bisections in corners for a reference solution
@@ -194,11 +195,7 @@ class TriangleRefinement:
             raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
         value = self._value(answer)
         unit, where = measure.unit(last, value), places(answer)
-        rough = any(map(has_coulomb, last.problem.contacts))
-        can_hold = measure.kind in FORCES and self.settings.guaranteed if rough else measure.bounded
-        have_failed = any(np.isfinite(each.reference) for each in earlier) and not self.settings.guaranteed
-        are_bounds_tried = can_hold and len(results) == 1 and not have_failed
-        bounds = comparison = bounded(measure, value, last) if are_bounds_tried else None
+        bounds = comparison = self._bounds(answer, value, earlier)
         if comparison is None:
             comparison = self._compared(answer, value, unit, where)
         if comparison is None and any(np.isfinite(each.record.estimate) for each in earlier):  # no bounds, no reference
@@ -221,6 +218,18 @@ class TriangleRefinement:
         record = RefinementRound(mesh.cell_count, unknowns, value, estimate, comparison.certainty)
         finer, reference = partial(_finer, mesh, marked, deeper), comparison.reference
         return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer, reference=reference)
+
+    def _bounds(self, answer: ContactResult | History, value: float, earlier: Sequence[Round]) -> Comparison | None:
+        """The error by bounds, if they exist; not tried again after they failed, or, if asked for, were useless."""
+        if isinstance(answer, History):
+            return None
+        is_rough, is_asked = any(map(has_coulomb, answer.problem.contacts)), self.settings.guaranteed
+        can_hold = self.measure.kind in FORCES and is_asked if is_rough else self.measure.bounded
+        if is_asked:
+            have_failed = len(earlier) >= _TRIES and all(is_useless(each.answer) for each in earlier[-_TRIES:])
+        else:
+            have_failed = any(np.isfinite(each.reference) for each in earlier)
+        return bounded(self.measure, value, answer) if can_hold and not have_failed else None
 
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer compared with a reference solution; if that fails, with one degree more on the same mesh."""
@@ -322,9 +331,16 @@ class Comparison(NamedTuple):
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
 
 
+def is_useless(result: ContactResult) -> bool:
+    """Whether the bounds of a result are useless, on this mesh and on others, see `FrictionNorm.useless`."""
+    return result.bracket.coulomb is not None and result.bracket.coulomb.norm.useless
+
+
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
-    """The error of an answer by bounds, under Coulomb friction also estimated ones; None if there are none."""
+    """The error of an answer by bounds, under Coulomb friction also estimated ones; None if there are none of use."""
     bracket, bounds, parts = result.bracket, dict[str, Bounds](), result.bracket.cell_gaps
+    if is_useless(result):
+        return None
     coulomb = bracket.coulomb
     if coulomb is not None and measure.name in coulomb.forces:
         bounds, parts = dict(coulomb.forces), coulomb.cells
