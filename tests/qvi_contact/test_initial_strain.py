@@ -80,6 +80,14 @@ def test_a_held_block(plane, factor):
     assert result.energies.complementary == pytest.approx(-energy, rel=1e-9)
 
 
+@pytest.mark.parametrize("method", ["fixed-point", "condensed"])
+def test_every_method_solves_where_nothing_is_strained(method):
+    conditions = [Contact(SIDES[0], 0.3), *(Displacement(name, 0.0, 0.0) for name in SIDES[1:])]
+    for cells, degree in (((2, 2), 4), ((3, 3), 7)):
+        mesh = TriangleMesh.rectangle(cells, 1.7, 1.0)
+        solved(ContactProblem(mesh, steel("strain"), conditions, temperature=10.0), method=method, degree=degree)
+
+
 def test_layers_of_two_temperatures_lift_what_lies_on_them():
     """By α (h₁ T₁ + h₂ T₂) less p/E; each temperature has its own layer's derivative α h."""
     mesh = TriangleMesh.rectangle((1, 4)).with_region("upper", lambda _, y: y > 0.75)
