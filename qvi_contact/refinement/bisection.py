@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -143,7 +142,6 @@ _DEEPEST: Final = 3  # largest number of bisections in a corner in one round
 _THINNEST: Final = 1e-9  # smallest edge, over the body's length
 _SAFETY: Final = 1.5  # estimate over difference: the error of the reference may be a third of the answer's
 _NEAR: Final = 0.1  # largest accuracy of an inaccurate reference solution, over the difference from it
-_QUICK: Final = MappingProxyType({"method": "condensed"})  # a reference solution is not retried with other methods
 _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
@@ -233,12 +231,11 @@ class TriangleRefinement:
 
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer compared with a reference solution; if that fails, with one degree more on the same mesh."""
-        results, options = steps_of(answer), self.settings.options
+        results = steps_of(answer)
         problem = results[-1].problem
-        is_quick = len(results) == 1 and options.get("method") is None and options.get("inner") is None
-        for mesh, further in ((reference_problem(problem, at).mesh, _QUICK if is_quick else {}), (problem.mesh, {})):
+        for mesh in (reference_problem(problem, at).mesh, problem.mesh):
             try:
-                found = self._solved(mesh, self.degree + 1, np.inf, further)
+                found = self._solved(mesh, self.degree + 1, np.inf)
                 references = steps_of(found)
                 if len(references) < len(results) or not references[-1].has_state:
                     continue
@@ -248,7 +245,7 @@ class TriangleRefinement:
                 if len(unseen) and mesh is not problem.mesh:
                     with suppress(QVIError):  # then the first reference serves
                         finer = reference_problem(replace(problem, mesh=mesh), Places(unseen, at.corners[:0])).mesh
-                        again = self._solved(finer, self.degree + 1, np.inf, further)
+                        again = self._solved(finer, self.degree + 1, np.inf)
                         found = again if again.status is Status.SOLVED else found
                     references = steps_of(found)
                 reference = self._value(found)
@@ -262,11 +259,9 @@ class TriangleRefinement:
                 return Comparison(max(_SAFETY * difference, accuracy_of_answer), Certainty.ESTIMATE, parts, reference)
         return None
 
-    def _solved(
-        self, mesh: TriangleMesh, degree: int, most: float, more: Mapping[str, Any] = MappingProxyType({})
-    ) -> ContactResult | History:
-        """The result with a degree and more options; `StopError` if it needs more unknowns than `most`."""
-        options: dict[str, Any] = {**self.settings.options, **more, "degree": degree}
+    def _solved(self, mesh: TriangleMesh, degree: int, most: float) -> ContactResult | History:
+        """The result with a degree; `StopError` if it needs more unknowns than `most`."""
+        options: dict[str, Any] = {**self.settings.options, "degree": degree}
         steps = [each if each.mesh is mesh else replace(each, mesh=mesh) for each in self.steps]
         discretization = discretized(steps[0], **options)
         if discretization.qvi.n > most:
