@@ -29,7 +29,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse import csgraph
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
@@ -395,14 +394,24 @@ def walk(ends: IntArray, start: Sequence[int], vertices: int) -> tuple[IntArray,
     lines at their vertex of lowest number. Returned are the place (n,) of each edge in the order, from 0, and the age
     of each vertex, from 1 for the first that is met, increasing; 0 for vertices that no edge has.
     """
-    graph = sparse.csr_array((np.ones(ends.size), (ends.ravel(), ends[:, ::-1].ravel())), shape=(vertices, vertices))
-    edges_at, age, met = np.bincount(ends.ravel(), minlength=vertices), np.zeros(vertices, dtype=np.int64), 0
-    for seed in (*start, *(edges_at == 1).nonzero()[0].tolist(), *edges_at.nonzero()[0].tolist()):
-        if edges_at[seed] and not age[seed]:
-            line = csgraph.depth_first_order(graph, seed, return_predecessors=False)
-            age[line] = np.arange(met + 1, met + 1 + len(line))
-            met += len(line)
-    earlier, later = np.sort(age[ends], axis=1).T
-    place = np.empty(len(ends), dtype=np.int64)
-    place[np.lexsort([-earlier, later])] = np.arange(len(ends))  # the edge that closes a line comes last
+    at: dict[int, list[int]] = {}
+    pairs = ends.tolist()
+    for edge, pair in enumerate(pairs):
+        for vertex in pair:
+            at.setdefault(vertex, []).append(edge)
+    place, age = np.full(len(ends), -1), np.zeros(vertices, dtype=np.int64)
+    step, met = 0, 0
+    line_ends = sorted(vertex for vertex, edges in at.items() if len(edges) == 1)
+    for seed in (*start, *line_ends, *sorted(at)):
+        pending = [seed] if seed in at and not age[seed] else []
+        while pending:
+            vertex = pending.pop()
+            if not age[vertex]:
+                met += 1
+                age[vertex] = met
+            ahead = next((edge for edge in at[vertex] if place[edge] < 0), None)
+            if ahead is not None:
+                place[ahead] = step
+                step += 1
+                pending += [vertex, sum(pairs[ahead]) - vertex]  # depth first: the other end of the edge comes next
     return place, age
