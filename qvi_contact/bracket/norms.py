@@ -326,6 +326,11 @@ class FrictionNorm:
     reason: str
     stopped: Stopped | None = None
 
+    @property
+    def useless(self) -> bool:
+        """Whether bounds are neither proved nor near errors. The norm is the body's: finer meshes do not help."""
+        return not self.proved and _USEFUL <= self.value < np.inf
+
     def work(self, problem: ContactProblem, shares: Mapping[str, Share], error: float, defect: float) -> float:
         """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from F and a bound of Σ; proved if `self` is."""
         if not any(share.values.any() for share in shares.values()):

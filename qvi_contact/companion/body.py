@@ -71,11 +71,10 @@ class Elasticity:
 
     def stiffness(self) -> sparse.csr_array:
         """K with vᵀKv = ∫ ε:C:ε of the body, shape (size, size) of the space; cells with arcs by quadrature."""
-        space, curved = self.space, self.space.curved
+        space, curved_cells = self.space, np.flatnonzero(self.space.mesh.curved)
         local, slopes, n = reference_matrices(space.cell), space.slopes, space.table.shape[1]
         t, w = space.cell.quadrature(self._count)
         along = np.stack([space.cell.derivative_values(t) @ each for each in space.cell.differences])
-        curved_cells = curved.numbers
         gradients = np.einsum("kqab,aqn->kqbn", space.inverse_jacobians(curved_cells, t), along)
         measures, blocks = space.measures(t, w)[curved_cells], np.empty((len(space.table), n, 2, n, 2))
         for c, d in product((0, 1), repeat=2):
@@ -91,7 +90,7 @@ class Elasticity:
     def _count(self) -> int:
         """Gauss points a direction: exact for ε:C:ε of polynomials; more for arcs, where it is no polynomial."""
         most = self.space.degree if self.at_rest is None else max(self.space.degree, _INITIAL)
-        return most + 1 + (_ON_ARCS if len(self.space.curved.numbers) else 0)
+        return most + 1 + (_ON_ARCS if self.space.mesh.curved.any() else 0)
 
     def strain(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""
@@ -190,7 +189,7 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     name = "ContactProblem.body_potential"
     t, w = space.cell.quadrature(count)
     points = mesh.origin + scales.length * space.points(slice(None), t)
-    base = float(evaluate(name, field, *(mesh.origin + scales.length * space.origins[:1]).T)[0])
+    base = float(evaluate(name, field, *(mesh.origin + scales.length * space.corners[:1, 0]).T)[0])
     potential = (evaluate(name, field, points[..., 0], points[..., 1]) - base) / scales.stress
     weighted = potential * space.measures(t, w)
     load = body.virtual_work(np.stack([weighted, weighted, 0.0 * weighted], axis=-1), t)

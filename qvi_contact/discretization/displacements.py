@@ -137,76 +137,19 @@ def reference_matrices(cell: Triangle) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class CurvedCells:
-    """The map of the reference triangle to the cells that have arcs, dimensionless."""
-
-    numbers: IntArray  # (c,): numbers of these cells in the mesh
-    corners: FloatArray  # (c, 3, 2)
-    bends: FloatArray  # (c, 3, k): bends of their sides, see `TriangleMesh.sides`
-
-    def among(self, cells: IntArray | slice, count: int) -> tuple[IntArray, IntArray]:
-        """Indices into `cells`, chosen among `count` cells, of cells with arcs; and their indices into `numbers`."""
-        chosen = np.arange(count)[cells]
-        index = np.full(count, -1)
-        index[self.numbers] = np.arange(len(self.numbers))
-        at = np.flatnonzero(index[chosen] >= 0)
-        return at, index[chosen][at]
-
-    @cached_property
-    def _bulges(self) -> FloatArray:
-        """Legendre coefficients of q for all sides, (3, c, terms, 2)."""
-        t = gauss_legendre(_TERMS + self.bends.shape[2])[0]
-        q = np.zeros((3, len(self.numbers), len(t), 2))
-        for s, (a, b) in enumerate(EDGES):
-            chord = self.corners[:, b] - self.corners[:, a]
-            bulge = arc_offsets(chord, self.bends[:, s], t) - t[:, None] * chord[:, None]
-            q[s] = legendre_from_values(len(t) - 1, len(t)) @ (bulge / (t * (1.0 - t))[:, None])
-        return q
-
-    def mapped(self, which: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points x (k, q, 2) and ∂x_b/∂t_a (k, q, b, a) at reference points t, (q, 2) or (k, q, 2), of k cells."""
-        corners, places = self.corners[which], barycentric(np.broadcast_to(t, (len(which), *np.shape(t)[-2:])))
-        points = places @ corners
-        slopes = np.repeat((corners.swapaxes(1, 2) @ _SLOPES)[:, None], places.shape[1], axis=1)
-        # each arc adds λ_a λ_b q to x, and the derivative of this product to the slopes
-        for s, (a, b) in enumerate(EDGES):
-            bent = np.flatnonzero(self.bends[which, s].any(axis=1))  # most of these cells have one arc
-            first, second, q = places[bent, :, a, None], places[bent, :, b, None], self._bulges[s, which[bent]]
-            value, dq = (legvander((second - first)[..., 0], c.shape[1] - 1) @ c for c in (q, legder(q, axis=1)))
-            points[bent] += first * second * value
-            slopes[bent] += value[..., None] * (first * _SLOPES[b] + second * _SLOPES[a])[..., None, :]
-            slopes[bent] += (first * second * dq)[..., None] * (_SLOPES[b] - _SLOPES[a])
-        return points, slopes
-
-    def reference(self, which: IntArray, points: FloatArray) -> FloatArray:
-        """Reference points t (k, q, 2) of points (k, q, 2) in k curved cells, by Newton's method."""
-        corners = self.corners[which]
-        straight = np.linalg.inv(corners.swapaxes(1, 2) @ _SLOPES)
-        t = (points - corners[:, :1]) @ straight.swapaxes(1, 2)
-        for _ in range(_STEPS):
-            x, slopes = self.mapped(which, t)
-            t = t + np.linalg.solve(slopes, (points - x)[..., None])[..., 0]
-        return np.asarray(t)
-
-
-@dataclass(frozen=True, eq=False)
 class DisplacementSpace:
     """Displacements of degree p on the cells of a mesh; lengths divided by L, places relative to the mesh's origin."""
 
     mesh: TriangleMesh
     cell: Triangle  # the reference triangle, with n coefficients
-    origins: FloatArray  # (cells, 2): the first corner of each cell
-    frames: FloatArray  # (cells, 2, 2): a reference point t of a straight cell lies at origin + frame t
+    corners: FloatArray  # (cells, 3, 2)
     table: IntArray  # (cells, n): coefficients of a scalar field on each cell
     block: IntArray  # (cells,): number of each cell's block; joints separate blocks
-    curved: CurvedCells  # cells with arcs as sides
 
     @classmethod
     def of(cls, problem: ContactProblem, cell: Triangle, length: float) -> "DisplacementSpace":
         """The space of a problem."""
         mesh, count, n = problem.mesh, len(problem.mesh.cells), len(cell.places)
-        first, along, across = mesh.corners.swapaxes(0, 1)
-        frames = np.stack([along - first, across - first], axis=-1) / length
         is_shared = np.ones(len(mesh.interior), dtype=bool)
         for joint in problem.joints:
             is_shared[mesh.joint_set(joint.edges)] = False
@@ -214,9 +157,7 @@ class DisplacementSpace:
         near, far = (n * edges.cells[:, [side]] + cell.along(mesh, edges, side) for side in (0, 1))
         table = linked(near, far, n * count).reshape(count, n)
         block = linked(edges.cells[:, 0], edges.cells[:, 1], count)
-        numbers = np.flatnonzero(mesh.curved)
-        curved = CurvedCells(numbers, (mesh.corners[numbers] - mesh.origin) / length, mesh.sides[numbers])
-        return cls(mesh, cell, (first - mesh.origin) / length, frames, table, block, curved)
+        return cls(mesh, cell, (mesh.corners - mesh.origin) / length, table, block)
 
     @property
     def degree(self) -> int:
@@ -230,22 +171,66 @@ class DisplacementSpace:
 
     @cached_property
     def slopes(self) -> FloatArray:
-        """Gradients of the reference coordinates, ∂t_a/∂x_b as [cell, a, b]."""
-        return np.asarray(np.linalg.inv(self.frames), dtype=np.float64)
-
-    def inverse_jacobians(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        """∂t_a/∂x_b as [cell, point, a, b]; with one point for all points if no cell has arcs."""
-        inverses = self.slopes[cells][:, None]
-        at, which = self.curved.among(cells, len(self.table))
-        if len(at):
-            inverses = np.repeat(inverses, np.shape(t)[-2], axis=1)
-            inverses[at] = np.linalg.inv(self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[1])
-        return np.asarray(inverses)
+        """Gradients of the reference coordinates of straight cells, ∂t_a/∂x_b as [cell, a, b]."""
+        return np.asarray(np.linalg.inv(self.corners.swapaxes(1, 2) @ _SLOPES), dtype=np.float64)
 
     @cached_property
     def areas(self) -> FloatArray:
         """Area of each straight cell over that of the reference cell (cells,)."""
-        return np.asarray(np.abs(np.linalg.det(self.frames)))
+        return np.asarray(1.0 / np.abs(np.linalg.det(self.slopes)))
+
+    def points(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """Coordinates of reference points (k, 2), or (cells, k, 2), in cells, shape (cells, k, 2)."""
+        return self._mapped(cells, t)[0]
+
+    def inverse_jacobians(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """∂t_a/∂x_b as [cell, point, a, b]; with one point for all points if no cell has arcs."""
+        return np.asarray(np.linalg.inv(self._mapped(cells, self._varied(t))[1]))
+
+    def measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
+        """Quadrature weights (cells, q) from weights (q,) at points t (q, 2) of the reference cell."""
+        return np.asarray(np.abs(np.linalg.det(self._mapped(slice(None), self._varied(t))[1])) * weights)
+
+    def _varied(self, t: FloatArray) -> FloatArray:
+        """The points t (..., k, 2), or the first of them if derivatives of the map are constants on all cells."""
+        return t if self.mesh.curved.any() else t[..., :1, :]
+
+    def _mapped(self, cells: IntArray | slice, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points x (k, q, 2) and ∂x_b/∂t_a (k, q, b, a) at reference points t, (q, 2) or (k, q, 2), of k cells."""
+        corners, bends = self.corners[cells], self.mesh.sides[cells]
+        places = barycentric(np.broadcast_to(t, (len(corners), *np.shape(t)[-2:])))
+        points, slopes = places @ corners, np.repeat((corners.swapaxes(1, 2) @ _SLOPES)[:, None], places.shape[1], 1)
+        nodes = gauss_legendre(_TERMS + bends.shape[2])[0]
+        # each arc adds λ_a λ_b q to x, and the derivative of this product to the slopes
+        for s, (a, b) in enumerate(EDGES):
+            bent = np.flatnonzero(bends[:, s].any(axis=1))  # most cells with arcs have one
+            chord = corners[bent, b] - corners[bent, a]
+            bulge = arc_offsets(chord, bends[bent, s], nodes) - nodes[:, None] * chord[:, None]
+            q = legendre_from_values(len(nodes) - 1, len(nodes)) @ (bulge / (nodes * (1.0 - nodes))[:, None])
+            first, second = places[bent, :, a, None], places[bent, :, b, None]
+            value, dq = (legvander((second - first)[..., 0], c.shape[1] - 1) @ c for c in (q, legder(q, axis=1)))
+            points[bent] += first * second * value
+            slopes[bent] += value[..., None] * (first * _SLOPES[b] + second * _SLOPES[a])[..., None, :]
+            slopes[bent] += (first * second * dq)[..., None] * (_SLOPES[b] - _SLOPES[a])
+        return points, slopes
+
+    def own(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """Reference points of this space from those of the mesh, (k, 2) or (cells, k, 2): cells with arcs differ.
+
+        They are found by Newton's method.
+        """
+        chosen = np.arange(len(self.table))[cells]
+        bent = np.flatnonzero(self.mesh.curved[chosen])
+        if not len(bent):
+            return t
+        own, numbers = np.array(np.broadcast_to(t, (len(chosen), *np.shape(t)[-2:]))), chosen[bent]
+        points = self.mesh.placed(numbers, barycentric(own[bent])) @ self.corners[numbers]
+        found = (points - self.corners[numbers, :1]) @ self.slopes[numbers].swapaxes(1, 2)
+        for _ in range(_STEPS):
+            x, slopes = self._mapped(numbers, found)
+            found = found + np.linalg.solve(slopes, (points - x)[..., None])[..., 0]
+        own[bent] = found
+        return own
 
     @property
     def dofs(self) -> IntArray:
@@ -255,32 +240,6 @@ class DisplacementSpace:
     def assembled(self, blocks: FloatArray) -> sparse.csr_array:
         """The matrix (size, size) assembled from cell matrices (cells, 2 n, 2 n)."""
         return spread(self.dofs, self.dofs, blocks, self.size)
-
-    def points(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        """Coordinates of reference points (k, 2), or (cells, k, 2), in cells, shape (cells, k, 2)."""
-        points = np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
-        if len(self.curved.numbers):
-            at, which = self.curved.among(cells, len(self.table))
-            points[at] = self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[0]
-        return points
-
-    def own(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        """Reference points of this space from those of the mesh, (k, 2) or (cells, k, 2): cells with arcs differ."""
-        at, which = self.curved.among(cells, len(self.table))
-        if not len(at):
-            return t
-        reference = np.array(np.broadcast_to(t, (len(np.arange(len(self.table))[cells]), *np.shape(t)[-2:])))
-        placed = self.mesh.placed(self.curved.numbers[which], barycentric(reference[at]))
-        reference[at] = self.curved.reference(which, placed @ self.curved.corners[which])
-        return reference
-
-    def measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
-        """Quadrature weights (cells, q) from weights (q,) at points t (q, 2) of the reference cell."""
-        measures = self.areas[:, None] * weights
-        if len(self.curved.numbers):
-            curved = np.arange(len(self.curved.numbers))
-            measures[self.curved.numbers] = np.abs(np.linalg.det(self.curved.mapped(curved, t)[1])) * weights
-        return np.asarray(measures)
 
     @cached_property
     def places(self) -> FloatArray:
@@ -303,7 +262,7 @@ class DisplacementSpace:
     @cached_property
     def positions(self) -> FloatArray:
         """The coefficients (size / 2, 2) of the function x: coefficients of affine functions are their values there."""
-        positions, bent = self.places.copy(), self.table[self.curved.numbers]
+        positions, bent = self.places.copy(), self.table[self.mesh.curved]
         positions[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ positions[bent]  # x is not linear in λ
         return positions
 

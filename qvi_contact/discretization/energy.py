@@ -50,6 +50,7 @@ _BLOCK: Final = 2**24  # entries of the element matrices that are computed at a 
 _TABLE: Final = 2**22  # entries of the tables of functions at points that are computed at a time
 _ORDERED: Final = 2000  # number of unknowns from which on their order of elimination matters
 _EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0  # relative error of rounding one number, 2⁻⁵³
+_CANCELLED: Final = 1e-10  # rest of the energy of a body load, over that energy, up to which it is rounding
 _SOFTEST: Final = 1e-300  # least stiffness of a spring, positive and above underflow [stress/length]
 _AFFINE: Final = 3  # Φ and ∇Φ in the first corner, which define its affine function
 
@@ -191,7 +192,8 @@ class BodyStiffness(PicklesFields):
             constants: FloatArray = np.zeros((len(R), len(order)))  # R⁻ᵀ l
             loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
             constants[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
-            body.rests[cells] = np.maximum(energies[cells] - np.square(constants).sum(axis=1) / 2.0, 0.0)
+            rests = energies[cells] - np.square(constants).sum(axis=1) / 2.0
+            body.rests[cells] = np.where(rests > _CANCELLED * energies[cells], rests, 0.0)
             body.constants[cells] = constants[:, interior:]
             upper = R[:, :interior, :interior]
             body.shifts[cells] = -np.linalg.solve(upper, constants[:, :interior, None])[:, :, 0]

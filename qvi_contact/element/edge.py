@@ -6,33 +6,31 @@ A polynomial lies between the smallest and the largest of its Bernstein coeffici
 The Bernstein coefficients of a linear function are its values at i/p.
 
 Quadrature of functions that may jump, bend or grow inside an edge: a function is replaced by the polynomial through its
-values at the Gauss points of the edge. If the two differ at one of the `SAMPLES`, the edge is halved, and its parts are
-halved again, until polynomial and function agree at the Gauss points of a part's halves, just inside its ends, and at
-all samples in it. So a jump is enclosed down to rounding. Far from the origin the rounding of coordinates moves the
-points; differences that this explains do not count.
+values at the Gauss points of the edge. If the two differ at one of the `SAMPLES`, the edge is halved, and so are its
+parts, until they agree at the samples of each, which include those of the whole. So a jump is enclosed down to
+rounding. Far from the origin the rounding of coordinates moves the points; differences that this explains do not count.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from math import comb
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
 from numpy.polynomial.legendre import leggauss, legvander
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from solvers.basics.types import read_only
+from qvi_contact.basics.checks import FloatArray, IntArray
 
 Function: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 """Values (k, q) from numbers (k,) of edges and reference points t (k, q) on them."""
 
 _END_DISTANCE = 1e-6  # from an end: a jump at the vertex, moved by rounding, is excluded, a peak at the end is sampled
 
-SAMPLES: FloatArray = np.concatenate([[_END_DISTANCE], (np.arange(97.0) + 0.5) / 97.0, [1.0 - _END_DISTANCE]])
-"""Points (99,) of every edge at which a function is compared with its polynomial: the midpoints of 97 equal parts and a
-point just inside each end. A peak narrower than 1/97 of the edge may lie between two of them."""
+SAMPLES: FloatArray = np.concatenate([[_END_DISTANCE], np.arange(1.0, 96.0) / 96.0, [1.0 - _END_DISTANCE]])
+"""Points (97,) of every edge at which a function is compared with its polynomial: one just inside each end, and those
+between 96 equal parts. A peak narrower than 1/96 of the edge may lie between two of them."""
 SAMPLES.flags.writeable = False
 
 _LEADING_TOLERANCE = 1e-13  # leading coefficient, relative to the largest, that counts as zero
@@ -43,7 +41,6 @@ _MAX_HALVINGS: Final = 48  # a part is as small then as the rounding of t
 _MAX_PARTS: Final = 512  # parts that are not accepted yet, per divided edge
 _IGNORED: Final = 1e-3  # fraction of each edge: the smallest parts, which `misfit` leaves out, have no more together
 _SLOPE_FACTOR: Final = 32.0  # a point moved by rounding changes a value by up to this × rounding × mean slope
-_NEAR_ENDS: Final = SAMPLES[[0, -1]]  # of a part: a jump may lie between its last Gauss point and its end
 
 
 def legendre_basis(degree: int, t: FloatArray) -> FloatArray:
@@ -192,59 +189,10 @@ class EdgeQuadrature:
         return integrals
 
 
-class _Parts(NamedTuple):
-    """k parts of edges, each from start to start + length in t, and the function at their Gauss points (k, q)."""
-
-    edge: IntArray
-    start: FloatArray
-    length: FloatArray
-    values: FloatArray
-
-    def positions(self, t: FloatArray) -> FloatArray:
-        """Reference coordinates (k, q) on the edges of the points t (q,) of the parts."""
-        return np.asarray(self.start[:, None] + self.length[:, None] * t)
-
-    def take(self, chosen: BoolArray) -> "_Parts":
-        return _Parts(self.edge[chosen], self.start[chosen], self.length[chosen], self.values[chosen])
-
-    def tolerances(self, size: float, rounding: FloatArray) -> FloatArray:
-        """Differences (k,) that count as rounding; `size`: largest value, `rounding` (edges,): error of t."""
-        slopes = np.ptp(self.values, axis=1) / self.length
-        return np.asarray(_SAMPLE_TOLERANCE * size + _SLOPE_FACTOR * rounding[self.edge] * slopes)
-
-    def halves(self, function: Function, t: FloatArray) -> "_Parts":
-        edge, length = np.repeat(self.edge, 2), np.repeat(self.length / 2.0, 2)
-        start = np.stack([self.start, self.start + self.length / 2.0], axis=1).ravel()
-        return _Parts(edge, start, length, function(edge, start[:, None] + length[:, None] * t))
-
-    def sample_differences(self, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sum and maximum (k,) of |p − f| over the samples f (edges, 99) on each part, where p is its polynomial."""
-        first, last = (np.searchsorted(SAMPLES, ends) for ends in (self.start, self.start + self.length))
-        part = np.repeat(np.arange(len(self.edge)), last - first)
-        sample = np.arange(len(part)) - np.repeat(np.cumsum(last - first) - last, last - first)
-        points = self.values.shape[1]
-        t = (SAMPLES[sample] - self.start[part]) / self.length[part]
-        coefficients = self.values @ legendre_from_values(points - 1, points).T
-        polynomial = (coefficients[part] * legendre_basis(points - 1, t)).sum(axis=1)
-        differences, largest = np.abs(polynomial - samples[self.edge[part], sample]), np.zeros(len(self.edge))
-        np.maximum.at(largest, part, differences)
-        return np.asarray(np.bincount(part, differences, len(self.edge)), dtype=float), largest
-
-
 def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
     """The quadrature of a constant on `count` edges with `points` Gauss points on each."""
     (t, w), ones = gauss_legendre(points), np.ones((count, 1))
     return EdgeQuadrature(count, np.arange(count), ones * t, ones * w, np.full((count, points), float(value)), 0.0)
-
-
-@cache
-def _interpolations(points: int) -> tuple[FloatArray, ...]:
-    """Matrices from values at the Gauss points of a part to those of its halves, near its ends and at `SAMPLES`."""
-    t, to_coefficients = gauss_legendre(points)[0], legendre_from_values(points - 1, points)
-    halfway = np.concatenate([t / 2.0, (1.0 + t) / 2.0])
-    matrices = tuple((legendre_basis(points - 1, at) @ to_coefficients).T for at in (halfway, _NEAR_ENDS, SAMPLES))
-    read_only(*matrices)
-    return matrices
 
 
 def adapted(function: Function, count: int, points: int = 8, rounding: FloatArray | None = None) -> EdgeQuadrature:
@@ -254,30 +202,30 @@ def adapted(function: Function, count: int, points: int = 8, rounding: FloatArra
     """
     if not count:
         return constant(0.0, 0, points)
-    edges, (t, w) = np.arange(count), gauss_legendre(points)
+    t, w = gauss_legendre(points)
+    to_samples = legendre_basis(points - 1, SAMPLES) @ legendre_from_values(points - 1, points)
     rounding = np.zeros(count) if rounding is None else rounding
-    whole = _Parts(edges, np.zeros(count), np.ones(count), function(edges, np.tile(t, (count, 1))))
-    samples = function(edges, np.tile(SAMPLES, (count, 1)))
-    size = max(float(np.abs(values).max()) for values in (samples, whole.values))
-    to_halves, to_ends, to_samples = _interpolations(points)
-    fits = np.abs(samples - whole.values @ to_samples).max(axis=1) <= whole.tolerances(size, rounding)
-    accepted, rest, error = [whole.take(fits)], whole.take(~fits), np.zeros(0)
-    n_divided = len(rest.edge)
-    for _ in range(_MAX_HALVINGS):
-        if not 0 < len(rest.edge) <= _MAX_PARTS * n_divided:
+    edge, start, length = np.arange(count), np.zeros(count), np.ones(count)
+    accepted, size, n_divided, error = list[tuple[Any, ...]](), 0.0, count, 0.0
+    for halvings in range(_MAX_HALVINGS + 1):
+        step = 8 if halvings >= 3 else 1  # eighths of an edge, and smaller parts, need fewer samples
+        places = start[:, None] + length[:, None] * np.concatenate([t, SAMPLES[::step]])
+        found = function(edge, places)
+        values, size = found[:, :points], size or float(np.abs(found).max())
+        differences = np.abs(values @ to_samples[::step].T - found[:, points:])
+        slopes = np.ptp(values, axis=1) / length  # a point moved by rounding changes a value in proportion to these
+        tolerances = _SAMPLE_TOLERANCE * size + _SLOPE_FACTOR * rounding[edge] * slopes
+        errors = length * differences.mean(axis=1)
+        is_open = (errors > _INTEGRAL_TOLERANCE * size) & (differences.max(axis=1) > tolerances)
+        if halvings == 0:
+            n_divided = int(is_open.sum())
+        if halvings == _MAX_HALVINGS or is_open.sum() > _MAX_PARTS * n_divided:  # left unresolved
+            is_open, error = np.zeros_like(is_open), float(errors[is_open].sum())
+        accepted.append(tuple(part[~is_open] for part in (edge, places[:, :points], np.outer(length, w), values)))
+        if not is_open.any():
             break
-        halves = rest.halves(function, t)
-        # differences of function and polynomial at the Gauss points of the halves, near the ends, at the samples
-        in_halves = np.abs(halves.values.reshape(-1, 2 * points) - rest.values @ to_halves)
-        at_ends = np.abs(function(rest.edge, rest.positions(_NEAR_ENDS)) - rest.values @ to_ends)
-        sample_sum, sample_max = rest.sample_differences(samples)
-        integral = in_halves @ np.tile(w / 2.0, 2) + t[0] / 2.0 * at_ends.sum(axis=1)
-        error = rest.length * integral + sample_sum / len(SAMPLES)
-        largest = np.maximum(sample_max, np.concatenate([in_halves, at_ends], axis=1).max(axis=1))
-        is_close = (error <= _INTEGRAL_TOLERANCE * size) | (largest <= rest.tolerances(size, rounding))
-        # accept the parts that are resolved, halve the rest
-        accepted.append(rest.take(is_close))
-        rest, error = halves.take(np.repeat(~is_close, 2)), error[~is_close]
-    parts = _Parts(*map(np.concatenate, zip(*accepted, rest, strict=True)))
-    weights = parts.length[:, None] * w
-    return EdgeQuadrature(count, parts.edge, parts.positions(t), weights, parts.values, float(error.sum()))
+        edge, length = np.repeat(edge[is_open], 2), np.repeat(length[is_open] / 2.0, 2)
+        start = np.repeat(start[is_open], 2)
+        start[1::2] += length[1::2]
+    edges, places, weights, values = map(np.concatenate, zip(*accepted, strict=True))
+    return EdgeQuadrature(count, edges, places, weights, values, error)

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
+from scipy.special import roots_jacobi
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 
@@ -55,15 +56,13 @@ def gradient(degree: int, slopes: FloatArray) -> FloatArray:
 
 @cache
 def quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Points λ (n, 3), weights (n,) of sum 1, exact to the degree: Gauss-Legendre × -Jacobi (Golub and Welsch 1969)."""
+    """Points λ (n, 3), weights (n,) of sum 1, exact to the degree: Gauss-Legendre × Gauss-Jacobi."""
     count = degree // 2 + 1
     along, weights_along = leggauss(count)
-    k = np.arange(1.0, count + 1.0)
-    off_diagonal, diagonal = np.sqrt(k * (k + 1.0)) / (2.0 * k + 1.0), -1.0 / (4.0 * k**2 - 1.0)  # of the Jacobi matrix
-    nodes, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(off_diagonal[:-1], -1))
+    nodes, weights_across = roots_jacobi(count, 1.0, 0.0)
     u, v = np.meshgrid((nodes + 1.0) / 2.0, (along + 1.0) / 2.0, indexing="ij")
     points = np.column_stack([((1.0 - u) * (1.0 - v)).ravel(), ((1.0 - u) * v).ravel(), u.ravel()])
-    weights = np.outer(np.square(vectors[0]), weights_along / 2.0).ravel()
+    weights = np.outer(weights_across, weights_along).ravel() / 4.0
     points.flags.writeable = weights.flags.writeable = False
     return points, weights
 

@@ -218,7 +218,7 @@ def refine(
         Refine the force of a contact with Coulomb friction until its bounds are within the target, see
         `Bracket.coulomb`. This takes more unknowns than the estimate, which is used by default. If the bounds are
         estimates, or missing, the refinement ends with `RefinementStatus.NO_GUARANTEE` once the bounds, or the
-        estimate, are within the target.
+        estimate, are within the target. Bounds that no mesh would guarantee, nor make narrow, count as missing.
     callback : callable, optional
         Called with the record of each round.
     verbose : bool

@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -143,11 +142,11 @@ _DEEPEST: Final = 3  # largest number of bisections in a corner in one round
 _THINNEST: Final = 1e-9  # smallest edge, over the body's length
 _SAFETY: Final = 1.5  # estimate over difference: the error of the reference may be a third of the answer's
 _NEAR: Final = 0.1  # largest accuracy of an inaccurate reference solution, over the difference from it
-_QUICK: Final = MappingProxyType({"method": "condensed"})  # a reference solution is not retried with other methods
 _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
 }  # statuses of a solve that end the refinement with a status of its own
+_TRIES: Final = 2  # rounds in which bounds are useless, after which they are not tried again: states may still change
 _POSING: Final = ("degree", "law_on")  # options of the discretization, not of its solve
 
 _IN_CORNERS: Final = 3  # bisections in corners for a reference solution
@@ -194,11 +193,7 @@ class TriangleRefinement:
             raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
         value = self._value(answer)
         unit, where = measure.unit(last, value), places(answer)
-        rough = any(map(has_coulomb, last.problem.contacts))
-        can_hold = measure.kind in FORCES and self.settings.guaranteed if rough else measure.bounded
-        have_failed = any(np.isfinite(each.reference) for each in earlier) and not self.settings.guaranteed
-        are_bounds_tried = can_hold and len(results) == 1 and not have_failed
-        bounds = comparison = bounded(measure, value, last) if are_bounds_tried else None
+        bounds = comparison = self._bounds(answer, value, earlier)
         if comparison is None:
             comparison = self._compared(answer, value, unit, where)
         if comparison is None and any(np.isfinite(each.record.estimate) for each in earlier):  # no bounds, no reference
@@ -222,14 +217,25 @@ class TriangleRefinement:
         finer, reference = partial(_finer, mesh, marked, deeper), comparison.reference
         return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer, reference=reference)
 
+    def _bounds(self, answer: ContactResult | History, value: float, earlier: Sequence[Round]) -> Comparison | None:
+        """The error by bounds, if they exist; not tried again after they failed, or, if asked for, were useless."""
+        if isinstance(answer, History):
+            return None
+        is_rough, is_asked = any(map(has_coulomb, answer.problem.contacts)), self.settings.guaranteed
+        can_hold = self.measure.kind in FORCES and is_asked if is_rough else self.measure.bounded
+        if is_asked:
+            have_failed = len(earlier) >= _TRIES and all(is_useless(each.answer) for each in earlier[-_TRIES:])
+        else:
+            have_failed = any(np.isfinite(each.reference) for each in earlier)
+        return bounded(self.measure, value, answer) if can_hold and not have_failed else None
+
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer compared with a reference solution; if that fails, with one degree more on the same mesh."""
-        results, options = steps_of(answer), self.settings.options
+        results = steps_of(answer)
         problem = results[-1].problem
-        is_quick = len(results) == 1 and options.get("method") is None and options.get("inner") is None
-        for mesh, further in ((reference_problem(problem, at).mesh, _QUICK if is_quick else {}), (problem.mesh, {})):
+        for mesh in (reference_problem(problem, at).mesh, problem.mesh):
             try:
-                found = self._solved(mesh, self.degree + 1, np.inf, further)
+                found = self._solved(mesh, self.degree + 1, np.inf)
                 references = steps_of(found)
                 if len(references) < len(results) or not references[-1].has_state:
                     continue
@@ -239,7 +245,7 @@ class TriangleRefinement:
                 if len(unseen) and mesh is not problem.mesh:
                     with suppress(QVIError):  # then the first reference serves
                         finer = reference_problem(replace(problem, mesh=mesh), Places(unseen, at.corners[:0])).mesh
-                        again = self._solved(finer, self.degree + 1, np.inf, further)
+                        again = self._solved(finer, self.degree + 1, np.inf)
                         found = again if again.status is Status.SOLVED else found
                     references = steps_of(found)
                 reference = self._value(found)
@@ -253,11 +259,9 @@ class TriangleRefinement:
                 return Comparison(max(_SAFETY * difference, accuracy_of_answer), Certainty.ESTIMATE, parts, reference)
         return None
 
-    def _solved(
-        self, mesh: TriangleMesh, degree: int, most: float, more: Mapping[str, Any] = MappingProxyType({})
-    ) -> ContactResult | History:
-        """The result with a degree and more options; `StopError` if it needs more unknowns than `most`."""
-        options: dict[str, Any] = {**self.settings.options, **more, "degree": degree}
+    def _solved(self, mesh: TriangleMesh, degree: int, most: float) -> ContactResult | History:
+        """The result with a degree; `StopError` if it needs more unknowns than `most`."""
+        options: dict[str, Any] = {**self.settings.options, "degree": degree}
         steps = [each if each.mesh is mesh else replace(each, mesh=mesh) for each in self.steps]
         discretization = discretized(steps[0], **options)
         if discretization.qvi.n > most:
@@ -322,9 +326,16 @@ class Comparison(NamedTuple):
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
 
 
+def is_useless(result: ContactResult) -> bool:
+    """Whether the bounds of a result are useless, on this mesh and on others, see `FrictionNorm.useless`."""
+    return result.bracket.coulomb is not None and result.bracket.coulomb.norm.useless
+
+
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
-    """The error of an answer by bounds, under Coulomb friction also estimated ones; None if there are none."""
+    """The error of an answer by bounds, under Coulomb friction also estimated ones; None if there are none of use."""
     bracket, bounds, parts = result.bracket, dict[str, Bounds](), result.bracket.cell_gaps
+    if is_useless(result):
+        return None
     coulomb = bracket.coulomb
     if coulomb is not None and measure.name in coulomb.forces:
         bounds, parts = dict(coulomb.forces), coulomb.cells

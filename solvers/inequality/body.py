@@ -155,6 +155,7 @@ class Stiffness(PicklesFields):
 # Loads, energy and the bonded state.
 
 _CANCELLED = 1e-24  # strain energy, over that at z = 0, below which it is rounding, as all loads cancel
+_NOISE = 300.0  # error of R z over the bound of the rounding of z: solutions of linear systems have more than z
 _MOST_CORRECTIONS = 30  # defect corrections of the bonded solution
 _LEAST_CORRECTION = 1e-16  # size of a correction, over the solution, in the energy norm, not worth computing
 
@@ -244,7 +245,9 @@ class BondedState:
     @cached_property
     def strain_energy(self) -> float:
         """Strain energy of z; 0 if it is rounding, since all loads cancel."""
-        return self._rounded_energy(self.energy.state(self.z)[0])
+        energy, root = self._rounded_energy(self.energy.state(self.z)[0]), self.energy.root
+        noise = 0.0 if root is None else _NOISE * root.rounding(self.z)
+        return energy if energy > noise**2 / 2.0 else 0.0
 
     @cached_property
     def error(self) -> float:

@@ -258,3 +258,4 @@ class TestBounds:
         slipping = next(row for row in rows if row.result["status"] == "slips" and row.result["guaranteed"])
         again = bounds.refine_case(slipping.case)
         assert (again["guaranteed"], again["error"] <= bounds.TARGET) == (True, True)
+        assert bounds.refine_case({"number": 237})["refined"] == "no_guarantee"  # not only at the limit of unknowns
