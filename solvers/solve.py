@@ -190,7 +190,7 @@ def _ill_conditioned(qvi: FrictionQVI) -> Outcome | None:
     if error <= _LARGEST_BONDED_ERROR:
         return None
     message = f"the linear system is solved to {error:.0e} only, in the energy norm"
-    return dataclasses.replace(Outcome.nothing(qvi, Status.ILL_CONDITIONED, message), hopeless=True)
+    return Outcome.nothing(qvi, Status.ILL_CONDITIONED, message, hopeless=True)
 
 
 def _linear(qvi: FrictionQVI, method: str) -> Tries:
@@ -294,9 +294,9 @@ class Search:
                         break
         except (FactorisationError, MemoryError) as error:
             reason = error.reason if isinstance(error, FactorisationError) else "memory"
-            nothing = Outcome.nothing(qvi, _FAILURES[reason], str(error) or "out of memory")
-            self.best, certificate = dataclasses.replace(nothing, hopeless=True), None
-            self.attempts += (Attempt(method, why, nothing.reason, 0),)
+            message, certificate = str(error) or "out of memory", None
+            self.best = Outcome.nothing(qvi, _FAILURES[reason], message, hopeless=True)
+            self.attempts += (Attempt(method, why, self.best.reason, 0),)
         best, before = self.best, time.perf_counter()
         assert best is not None
         certificate = certificate or best.certified(qvi, tolerance)

@@ -155,8 +155,6 @@ class Stiffness(PicklesFields):
 # Loads, energy and the bonded state.
 
 _CANCELLED = 1e-24  # strain energy, over that at z = 0, below which it is rounding, as all loads cancel
-_MOST_CORRECTIONS = 30  # defect corrections of the bonded solution
-_LEAST_CORRECTION = 1e-16  # size of a correction, over the solution, in the energy norm, not worth computing
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +180,11 @@ class Loads(PicklesFields):
         object.__setattr__(self, "b", np.zeros(0) if self.b is None else self.b)
         for name in ("f", "n0", "t0", "b", *(() if self.load is None else ("load",))):
             object.__setattr__(self, name, checked_vector(name, getattr(self, name)))
+
+    @cached_property
+    def tractions(self) -> Vector:
+        """Tractions (n0, t0) (2m,) at z = 0."""
+        return np.concatenate([self.n0, self.t0])
 
     def energy(self, stiffness: Stiffness) -> Energy:
         """The energy of a body under these loads, kept for the last stiffness."""
@@ -214,7 +217,7 @@ class Energy:
     def state(self, z: Vector) -> tuple[float, Vector]:
         """Strain energy ½|r(z)|² and gradient Rᵀr(z) − load (n,); without a root ½ zᵀKz and K z − f."""
         if not z.any():
-            return self.at_zero
+            return self.at_rest, 0.0 - self.f  # without negative zeros
         if self.root is None or self.load is None:
             force = self.K @ z
             return 0.5 * float(z @ force), np.asarray(force - self.f)
@@ -222,12 +225,10 @@ class Energy:
         return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
 
     @cached_property
-    def at_zero(self) -> tuple[float, Vector]:
-        """Strain energy ½|r₀|² and gradient −f at z = 0, kept, as every solve needs them several times."""
-        gradient = 0.0 - self.f  # without negative zeros
-        gradient.setflags(write=False)
+    def at_rest(self) -> float:
+        """Strain energy ½|r₀|² at z = 0."""
         r = np.zeros(1) if self.root is None else self.root.apply(np.zeros(len(self.f)))
-        return 0.5 * float(r @ r), gradient
+        return 0.5 * float(r @ r)
 
 
 class BondedState:
@@ -236,22 +237,24 @@ class BondedState:
     def __init__(self, condensed: CondensedContact, energy: Energy, b: Vector) -> None:
         self.condensed, self.energy, self._b = condensed, energy, b
 
-    @property
-    def z(self) -> Vector:
-        """The unknowns (n,), by defect corrections."""
-        return self._corrected[0]
+    @cached_property
+    def corrected(self) -> tuple[Vector, Vector, float]:
+        """The unknowns (n,), ν (p,) and the size of the last defect correction, see `CondensedContact.corrected`."""
+        z, nu = self._first
+        size = float(np.sqrt(abs(z @ self.energy.f - self._b @ nu)))
+        return self.condensed.corrected(self._gradient, self._b, z, nu, size)
 
     @cached_property
     def strain_energy(self) -> float:
-        """Strain energy of z; 0 if it is rounding, since all loads cancel."""
-        return self._rounded_energy(self.energy.state(self.z)[0])
+        """Strain energy of the state; 0 if it is rounding, since all loads cancel."""
+        return self._rounded_energy(self.energy.state(self.corrected[0])[0])
 
     @cached_property
     def error(self) -> float:
         """Size of the last defect correction over z, in the energy norm; 0 without a root."""
         if self.energy.root is None or self.strain_energy == 0.0:
             return 0.0
-        return self._corrected[1][-1] / float(np.sqrt(2.0 * self.strain_energy))
+        return self.corrected[2] / float(np.sqrt(2.0 * self.strain_energy))
 
     @cached_property
     def rough_stress(self) -> float:
@@ -266,42 +269,23 @@ class BondedState:
 
     @cached_property
     def _eliminated(self) -> tuple[Vector, State]:
-        return self.condensed.system.factor.reduce(-self.energy.at_zero[1])
+        return self.condensed.system.factor.reduce(self.energy.f)
 
     def _rounded_energy(self, energy: float) -> float:
         """A strain energy; 0 if it is rounding."""
-        return energy if energy > _CANCELLED * self.energy.at_zero[0] else 0.0
+        return energy if energy > _CANCELLED * self.energy.at_rest else 0.0
 
     @cached_property
-    def _first(self) -> Vector:
-        """The bonded solution (n,) by one linear solve, without corrections."""
+    def _first(self) -> tuple[Vector, Vector]:
+        """The bonded solution (n,) and ν (p,) by one linear solve, without corrections."""
         (reduced, state), system = self._eliminated, self.condensed.system
-        return np.asarray(system.factor.expand(state, system.solve_interface(reduced, self._b)[0]))
+        values, nu = system.solve_interface(reduced, self._b)
+        return np.asarray(system.factor.expand(state, values)), nu
 
     @cached_property
     def _first_state(self) -> tuple[float, Vector]:
         """Strain energy and gradient at `_first`."""
-        return self.energy.state(self._first)
+        return self.energy.state(self._first[0])
 
-    def _size(self, step: Vector) -> float:
-        """Energy norm √(dzᵀK dz) of a step dz (n,)."""
-        return float(np.sqrt(abs(step @ (self.energy.K @ step))))
-
-    @cached_property
-    def _corrected(self) -> tuple[Vector, list[float]]:
-        """The bonded solution (n,), and the energy norms of the first solve and of the defect corrections.
-
-        The corrections end when one is tiny, or when one is not below half the one before; that one is not added.
-        """
-        system, z, gradient = self.condensed.system, self._first, self._first_state[1]
-        sizes = [self._size(z)]
-        for _ in range(_MOST_CORRECTIONS):
-            step = system.solve(-gradient, self._b - self.condensed.contact.A @ z)[0]
-            sizes.append(self._size(step))
-            if not sizes[-1] < 0.5 * sizes[-2]:
-                break
-            z = z + step
-            if sizes[-1] ** 2 <= _LEAST_CORRECTION * sizes[0] * sizes[-2]:  # by linear convergence the next one is tiny
-                break
-            gradient = self.energy.state(z)[1]
-        return z, sizes
+    def _gradient(self, z: Vector) -> Vector:
+        return self._first_state[1] if z is self._first[0] else self.energy.state(z)[1]

@@ -36,6 +36,8 @@ _POWER_STEPS = 10
 # Share of other waves in the first vector of the power iteration, which is uniform: if equilibrium fixes the uniform
 # traction, its relief is rounding alone.
 _WAVE_SHARE = 1e-8
+_MOST_CORRECTIONS = 30
+_LEAST_CORRECTION = 1e-12  # size of a correction, over that of the first step, not worth computing
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +124,32 @@ class CondensedContact:
     def __init__(self, contact: ContactMatrices, factor: Factorisation) -> None:
         self.contact = contact
         self.system = EqualitySystem(contact.A, factor)
+        self._contraction = np.inf  # error of a solve over its size, in the energy norm, once it was measured
+
+    def corrected(
+        self, gradient: Callable[[Vector], Vector], b: Vector, z: Vector, nu: Vector, size: float
+    ) -> tuple[Vector, Vector, float]:
+        """The z (n,) and ν (p,) with gradient(z) + Aᵀν = 0 and A z = b, from those of a solve by a step of this `size`.
+
+        Defect corrections by the accurate gradient remove the rounding error of K. They end when the next one,
+        predicted from earlier ones, is below `_LEAST_CORRECTION`, or when one is not below half the one before, which
+        is not added. The third value is the size of the last one, or the prediction. Sizes are energy norms √(dzᵀK dz).
+        """
+        A, before, last = self.contact.A, size, self._contraction * size
+        predicted = last
+        for _ in range(_MOST_CORRECTIONS):
+            if predicted <= _LEAST_CORRECTION * size:
+                break
+            residual, violation = gradient(z) + A.T @ nu, b - A @ z
+            dz, dnu = self.system.solve(-residual, violation)
+            last = sqrt(abs(dz @ residual + violation @ dnu))
+            if not last < 0.5 * before:
+                break
+            z, nu, contraction = z + dz, nu + dnu, last / before
+            if self._contraction == np.inf:
+                self._contraction = contraction
+            before, predicted = last, contraction * last  # by linear convergence
+        return z, nu, last
 
     @cached_property
     def is_condensed(self) -> bool:

@@ -16,7 +16,7 @@ from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vect
 from solvers.errors import InputError
 from solvers.inequality.body import BondedState, Energy, EnergyRoot, Loads, Stiffness
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
-from solvers.inequality.rows import checked_vector, largest, transposed
+from solvers.inequality.rows import checked_vector, transposed
 from solvers.inequality.traces import TractionFactor
 
 __all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stiffness"]
@@ -211,7 +211,7 @@ class FrictionQVI(PicklesFields):
 
     def tractions(self, z: Vector) -> Vector:
         """Tractions (σ_N, σ_T) (2m,)."""
-        return np.concatenate([self.normal(z), self.tangential(z)])
+        return np.asarray(self.contact.rows @ z + self.loads.tractions)
 
     def pressure(self, z: Vector) -> Vector:
         """Contact pressure s = max(−(N z + n0), 0), at bilateral points |N z + n0| (m,)."""
@@ -279,15 +279,12 @@ class FrictionQVI(PicklesFields):
 
         Defect corrections with `gradient` remove the rounding error of K.
         """
-        return self.bonded_state.z
+        return self.bonded_state.corrected[0]
 
 
 # The compliance of the body at the contact points: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T].
 #
 # As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
-
-_MOST_CORRECTIONS = 4
-_LEAST_CORRECTION = 1e-13  # traction, over the largest bonded one, below which a correction is not worth computing
 
 
 class Compliance:
@@ -309,23 +306,13 @@ class Compliance:
         self.dense = self._condensed.compliance
 
     def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
-        """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).
-
-        Defect corrections with `FrictionQVI.gradient` go on as long as they shrink.
-        """
-        qvi, system, rows = self.qvi, self._condensed.system, self.qvi.contact.rows
-        forces, interface_forces = rows.T @ m, transposed(self._condensed.interface_rows) @ m
-        z = qvi.bonded - system.factor.expand(np.zeros(qvi.n), system.solve_interface(interface_forces)[0])
-        scale = size = largest(self.bonded) or np.inf
-        for _ in range(_MOST_CORRECTIONS + 1):
-            correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
-            before, size = size, largest(rows @ correction)
-            if not size < 0.5 * before:
-                break
-            z = z + correction
-            if size * size <= _LEAST_CORRECTION * scale * before:  # by linear convergence the next one is that small
-                break
-        return z, nu
+        """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,)."""
+        qvi, condensed, (z, nu, _) = self.qvi, self._condensed, self.qvi.bonded_state.corrected
+        forces, interface_forces = qvi.contact.rows.T @ m, transposed(condensed.interface_rows) @ m
+        values, dnu = condensed.system.solve_interface(-interface_forces)
+        dz = condensed.system.factor.expand(np.zeros(qvi.n), values)
+        size = float(np.sqrt(abs(dz @ forces)))
+        return condensed.corrected(lambda z: qvi.gradient(z) + forces, qvi.b, z + dz, nu + dnu, size)[:2]
 
     def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """The state (z, m_N, m_T, ν) for the multipliers m (2m,), see `unknowns`."""

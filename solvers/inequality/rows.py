@@ -58,6 +58,11 @@ def largest(vector: Vector) -> float:
     return float(np.maximum.reduce(np.abs(vector), initial=0.0))
 
 
+def most(vector: Vector) -> float:
+    """Max v, 0 for an empty or negative vector."""
+    return float(np.maximum.reduce(vector, initial=0.0))
+
+
 def dense(rows: Columns | SparseRows) -> Matrix:
     """The rows as a dense array."""
     return rows if isinstance(rows, np.ndarray) else np.asarray(rows.toarray())
