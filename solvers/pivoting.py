@@ -273,25 +273,21 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
 
 def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector) -> Vertex:
     """The path of the problem in which x and w are exchanged in the active rows, by a block pivot."""
-    order = np.concatenate([np.flatnonzero(active), np.flatnonzero(~active)])
-    exchanged, values = M[order][:, order], q[order]
-    block, rest = slice(np.count_nonzero(active)), slice(np.count_nonzero(active), None)
+    inside, outside = active.nonzero()[0], (~active).nonzero()[0]
+    columns = M[:, inside]
     try:
-        inverse = np.linalg.inv(exchanged[block, block])
+        inverse = np.linalg.inv(columns[inside])
     except np.linalg.LinAlgError:
         return Vertex(np.zeros(len(q)), active, 0, Status.STALLED)
-    values[block] = -inverse @ values[block]
-    values[rest] += exchanged[rest, block] @ values[block]
-    upper_right = -inverse @ exchanged[block, rest]
-    exchanged[rest, rest] += exchanged[rest, block] @ upper_right
-    exchanged[rest, block] = exchanged[rest, block] @ inverse
-    exchanged[block, block], exchanged[block, rest] = inverse, upper_right
+    rows, values = inverse @ M[inside], q.copy()
+    values[inside] = -inverse @ q[inside]
+    values[outside] += columns[outside] @ values[inside]
+    exchanged = M - columns @ rows
+    exchanged[inside], exchanged[:, inside] = -rows, columns @ inverse
+    exchanged[np.ix_(inside, inside)] = inverse
     vertex = solve_lcp(exchanged, values, d)
-    x, basic = np.empty(len(q)), np.empty(len(q), dtype=bool)
-    x[order[block]] = np.maximum(values[block] + exchanged[block] @ vertex.x, 0.0)
-    x[order[rest]] = vertex.x[rest]
-    basic[order] = vertex.basic
-    return Vertex(x, basic ^ active, vertex.pivots, vertex.reason)
+    x = np.where(active, np.maximum(values + exchanged @ vertex.x, 0.0), vertex.x)
+    return Vertex(x, vertex.basic ^ active, vertex.pivots, vertex.reason)
 
 
 def _leaving_row(column: Vector, values: Vector, basis: IntVector) -> int | None:

@@ -24,7 +24,7 @@ from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate.certificate import body_scales
 from solvers.condensed.systems import SLOTS, USUAL_PATHS, Coordinates, Expansion, NewtonSystem, PathWeights
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import Rows, dense, echelon, largest, scaled, stored
+from solvers.inequality.rows import Rows, basis, dense, largest, scaled, stored
 
 _EPSILON = float(np.finfo(np.float64).eps)
 _ROUNDINGS = 16.0  # a residual up to this many ε times the terms of its sum is rounding
@@ -337,7 +337,7 @@ class Equations:
             rows.data[np.abs(rows.data) < 1e-14 * np.abs(rows.data).max(initial=0.0)] = 0.0
             rows.eliminate_zeros()
             touched = np.unique(rows.indices).astype(np.int64)
-            independent = echelon(rows[:, touched]).rows
+            independent = basis(rows[:, touched]).rows
             if len(independent) < len(touched):
                 self._equation_points = self._points[independent]
                 self._A = np.vstack([self._A, rows[independent].toarray()])

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
-from scipy.sparse import csc_array, csr_array, eye_array, vstack
+from scipy.sparse import csc_array, eye_array, vstack
 
 from solvers.basics.linked import lowest_linked
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
@@ -248,21 +248,14 @@ class EqualitySystem:
 
         If Γ holds all unknowns of the rows, the dense system is enough; for a few rows the map is a matrix.
         """
-        if self._leaves_interface(rows):
-            sparse_rows = csr_array(rows)
-            return lambda m: np.asarray(sparse_rows @ self.solve(sparse_rows.T @ m)[0])
+        if not self.factor.keeps(columns_of(rows)):
+            return lambda m: np.asarray(rows @ self.solve(rows.T @ m)[0])
         interface_rows = self.on_interface(rows)
         if isinstance(interface_rows, np.ndarray):
             matrix = np.asarray(interface_rows @ self.solve_interface(interface_rows.T)[0])
             return lambda m: np.asarray(matrix @ m)
         columns = transposed(interface_rows)
         return lambda m: np.asarray(interface_rows @ self.solve_interface(columns @ m)[0])
-
-    def _leaves_interface(self, rows: Columns) -> bool:
-        """Whether rows (j, n) have entries at interior unknowns."""
-        if isinstance(rows, np.ndarray):
-            return bool(np.count_nonzero(rows[:, self.interface]) < np.count_nonzero(rows))
-        return int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz
 
     @cached_property
     def _factored(self) -> _Factored:

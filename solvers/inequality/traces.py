@@ -17,12 +17,10 @@ from solvers.errors import InputError
 from solvers.inequality.rows import (
     Columns,
     Rows,
-    are_few,
-    basis_rows,
+    basis,
     by_columns,
     checked_matrix,
     dense,
-    echelon,
     generic_vector,
     stored,
 )
@@ -96,13 +94,13 @@ class TraceCoordinates:
 def trace_coordinates(traces: TractionFactor, interface: IntVector) -> TraceCoordinates:
     """Trace coordinates of the contact rows E Y (2m, n) on the unknowns `interface` (k,)."""
     Y, E, k = csr_array(traces.rows[:, interface]), by_columns(traces.interpolation), len(interface)
-    basis = basis_rows(dense(Y)) if are_few(*Y.shape) else echelon(Y)
+    rows, free = basis(Y)
     # P: independent rows of Y, completed by unit vectors.
-    P = csr_array(vstack([Y[basis.rows], eye_array(k, format="csr")[basis.free]]))
+    P = csr_array(vstack([Y[rows], eye_array(k, format="csr")[free]]))
     factor: Any = splu(csc_array(P)) if k else None
-    interpolation = csc_array(hstack([E[:, basis.rows], csc_array((E.shape[0], len(basis.free)))]))
+    interpolation = csc_array(hstack([E[:, rows], csc_array((E.shape[0], len(free)))]))
     # The other rows of Y as combinations of the coordinates.
-    dependent = np.setdiff1d(np.arange(Y.shape[0]), basis.rows)
+    dependent = np.setdiff1d(np.arange(Y.shape[0]), rows)
     if len(dependent) and k:
         combination = factor.solve(dense(Y[dependent]).T, "T").T
         # Coefficients that are rounding become zero: the solve leaves some at every coordinate, which would fill the
