@@ -27,7 +27,7 @@ from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Vector
 from solvers.certificate.certificate import certify, scales_at
-from solvers.certificate.feasibility import Feasibility, check_feasibility, refuted
+from solvers.certificate.feasibility import PROOF_SECONDS, Feasibility, check_feasibility, refuted
 from solvers.errors import InputError
 from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.inequality.rows import basis, largest
@@ -64,6 +64,7 @@ class FullForm:
     problem: FrictionQVI  # of the inner solver: A has the equations, their rows of T are empty
     rows: BoolVector  # (m,), points without friction
     equations: IntVector  # (k,) points whose rows of T, linearly independent, are the last k rows of A
+    sizes: Vector  # (k,) lengths of these rows of T, which are scaled to length one in A
     name: ClassVar[str] = "full"
 
     @classmethod
@@ -75,14 +76,16 @@ class FullForm:
             qvi = qvi.with_contact(N=N, traces=None).with_loads(n0=np.where(qvi.bilateral, -1.0, qvi.n0))
         rows = qvi.frictionless
         if not rows.any():
-            return cls(qvi, rows, np.zeros(0, dtype=np.int64))
+            return cls(qvi, rows, np.zeros(0, dtype=np.int64), np.zeros(0))
         equations = rows.nonzero()[0]
         equations = equations[basis(qvi.T[equations]).rows]
-        has_friction = np.where(rows, 0.0, 1.0)
-        T, A = csc_array(diags_array(has_friction) @ qvi.T), csc_array(vstack([qvi.A, qvi.T[equations]]))
-        contact, b = replace(qvi.contact, T=T, A=A, traces=None), np.concatenate([qvi.b, -qvi.t0[equations]])
+        chosen, has_friction = qvi.T[equations], np.where(rows, 0.0, 1.0)
+        sizes = np.sqrt(np.asarray(chosen.multiply(chosen).sum(axis=1)).ravel())
+        A = csc_array(vstack([qvi.A, diags_array(1.0 / sizes) @ chosen]))
+        contact = replace(qvi.contact, T=csc_array(diags_array(has_friction) @ qvi.T), A=A, traces=None)
+        b = np.concatenate([qvi.b, -qvi.t0[equations] / sizes])
         problem = replace(qvi, contact=contact, loads=replace(qvi.loads, t0=has_friction * qvi.t0, b=b))
-        return cls(problem, rows, equations)
+        return cls(problem, rows, equations, sizes)
 
     def threshold(self, threshold: Vector) -> Vector:
         """The friction bound (m,) of the inner problem: 1, which is never reached, at points with an empty row."""
@@ -99,7 +102,7 @@ class FullForm:
         if not self.rows.any():
             return result
         p, m_T = len(result.nu) - len(self.equations), np.where(self.rows, 0.0, result.m_T)
-        m_T[self.equations] = result.nu[p:]
+        m_T[self.equations] = result.nu[p:] / self.sizes
         return replace(result, m_T=m_T, nu=result.nu[:p])
 
 
@@ -204,7 +207,6 @@ class Anderson:
 _INNER_FACTOR, _INNER_LIMITS = 1e-4, (1e-12, 1e-6)
 _MOST_RECOVERIES = 12  # from failed inner problems, in all
 _MOST_HALVINGS = 4  # of the distance from s to the last feasible one, in succession
-_PROOF_SECONDS = 2.0  # for a proof that a bound is too small; the largest programs need as long
 _CYCLE_LENGTHS = range(2, 9)
 _CYCLE_MATCH = 1e-4  # distance from an earlier s, over the residual, that counts as a return
 _PROGRESS = 0.9
@@ -283,7 +285,7 @@ class _Loop:
         if inner is not None and (_is_usable(inner) or deadline.over):
             return inner
         qvi = self.qvi.with_bound(bound)
-        if (proof := refuted(qvi, _PROOF_SECONDS)) is not None:
+        if (proof := refuted(qvi, PROOF_SECONDS)) is not None:
             return no_result(form.problem, Status.INFEASIBLE, proof.message)
         inner = inner or solver.solve(threshold, centre, self.inner)
         if not _is_usable(inner) and self.inner is not None and not deadline.over:

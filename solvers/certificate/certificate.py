@@ -63,6 +63,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from math import copysign, isfinite, sqrt
+from operator import itemgetter
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -277,21 +278,20 @@ class Certificate:
         """Whether every measure is within its limit."""
         return all(self.measures[name] <= limit for name, limit in self.limits.items())
 
-    @cached_property
+    @property
     def accuracy(self) -> float:
         """The smallest tolerance at which the certificate would pass."""
-        return max(self._needed.values())
+        return self._worst[0]
 
     @property
     def worst(self) -> str:
         """Name of the measure that determines `accuracy`."""
-        needed = self._needed
-        return max(needed, key=needed.__getitem__)
+        return self._worst[1]
 
     @cached_property
-    def _needed(self) -> dict[str, float]:
+    def _worst(self) -> tuple[float, str]:
         values = self.measures  # a certificate read from a file may lack some
-        return {measure.name: measure.needed(values.get(measure.name, np.inf)) for measure in MEASURES}
+        return max(((each.needed(values.get(each.name, np.inf)), each.name) for each in MEASURES), key=itemgetter(0))
 
     def rows(self) -> tuple[CertificateRow, ...]:
         """The rows of the table."""

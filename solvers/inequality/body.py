@@ -264,8 +264,9 @@ class BondedState:
     @cached_property
     def at_rest(self) -> tuple[Vector, State, float]:
         """`Factorisation.reduce` of −gradient(0), and the energy for z_Γ = 0 with the interior in equilibrium."""
-        reduced, state = self._eliminated
-        return reduced, state, -0.5 * self.condensed.system.factor.square(state)
+        (reduced, state), factor = self._eliminated, self.condensed.system.factor
+        z = factor.expand(state, np.zeros(len(reduced)))
+        return reduced, state, -0.5 * float(self.energy.f @ z)
 
     @cached_property
     def _eliminated(self) -> tuple[Vector, State]:
