@@ -246,7 +246,7 @@ class _Loop:
         """One outer iteration: inner problem, residual, record, next s."""
         qvi, began, number = self.qvi, time.perf_counter(), len(self.history) + 1
         inner = self._solve_inner(qvi.threshold(self.s))
-        if not _is_usable(inner):
+        if not inner.status.usable:
             result = no_result(qvi, inner.status, inner.message)
             self._record(result, np.inf, began)
             if not deadline.over:
@@ -282,13 +282,13 @@ class _Loop:
         threshold, centre = form.threshold(bound), form.centre(self.inner, self.previous)
         last_failed = bool(self.history) and self.history[-1].residual == np.inf
         inner = None if last_failed else solver.solve(threshold, centre, self.inner)
-        if inner is not None and (_is_usable(inner) or deadline.over):
+        if inner is not None and (inner.status.usable or deadline.over):
             return inner
         qvi = self.qvi.with_bound(bound)
         if (proof := refuted(qvi, PROOF_SECONDS)) is not None:
             return no_result(form.problem, Status.INFEASIBLE, proof.message)
         inner = inner or solver.solve(threshold, centre, self.inner)
-        if not _is_usable(inner) and self.inner is not None and not deadline.over:
+        if not inner.status.usable and self.inner is not None and not deadline.over:
             inner = solver.solve(threshold, form.centre(None, None), None)
         if inner.status is not Status.INFEASIBLE or deadline.over or check_feasibility(qvi).feasible is False:
             return inner
@@ -362,10 +362,6 @@ class _Loop:
         self.map.reset()
         if not self.accelerated:
             self.map.mixing = min(self.map.mixing, 0.5)
-
-
-def _is_usable(inner: InnerSolution) -> bool:
-    return inner.status.usable and inner.finite
 
 
 def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions) -> Outcome:

@@ -399,19 +399,14 @@ def traction_difference(one: QVISolution, other: QVISolution) -> float:
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:
-    """The last state of each path, until the time is over. Paths from the same friction share their first state."""
-    begun: dict[float, QVISolution] = {}
+    """The last state of each path, until the time is over."""
     qvi, tolerance = solution.problem, solution.certificate.tolerance
     for first, count in WAYS:
         state = None
         for factor in np.linspace(first, 1.0, count + 1):
             if deadline.over:
                 return
-            if factor == first and first in begun:
-                step = begun[first]
-            else:
-                scaled_qvi = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
-                step = solve_qvi(scaled_qvi, "condensed", tolerance=tolerance, initial=state)
-                begun.setdefault(first, step)
+            scaled_qvi = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
+            step = solve_qvi(scaled_qvi, "condensed", tolerance=tolerance, initial=state)
             state = step if step.solved else state
         yield step

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -132,7 +133,7 @@ class Stiffness(PicklesFields):
             return
         outer_request, results.request = results.request, request
         try:
-            if results.factor is not None and not request.fits(results.factor):
+            if results.factor is not None and request.name not in ("auto", results.factor.backend):
                 results.factor = results.condensed = None
             with limited_blas(request.threads or 1):  # on busy machines more threads are slower by far
                 yield
@@ -186,73 +187,53 @@ class Loads(PicklesFields):
         """Tractions (n0, t0) (2m,) at z = 0."""
         return np.concatenate([self.n0, self.t0])
 
-    def energy(self, stiffness: Stiffness) -> Energy:
-        """The energy of a body under these loads, kept for the last stiffness."""
-        energy: Energy | None = self.__dict__.get("_energy")
-        if energy is None or energy.K is not stiffness.K:
-            energy = self.__dict__["_energy"] = Energy(stiffness.K, self.f, self.root, self.load)
-        return energy
-
-    def bonded(self, condensed: CondensedContact, energy: Energy) -> BondedState:
-        """The bonded state, kept for the last condensed contact."""
-        bonded: BondedState | None = self.__dict__.get("_bonded")
-        if bonded is None or bonded.condensed is not condensed:
-            bonded = self.__dict__["_bonded"] = BondedState(condensed, energy, self.b)
-        return bonded
-
-
-@dataclass(frozen=True, eq=False)
-class Energy:
-    """The energy ½ zᵀKz − fᵀz; with root and load its gradient and strain energy are computed by them."""
-
-    K: Columns
-    f: Vector
-    root: EnergyRoot | None = None
-    load: Vector | None = None
-
-    def value(self, z: Vector) -> float:
-        """½ zᵀKz − fᵀz."""
-        return float(0.5 * z @ (self.K @ z) - self.f @ z)
-
-    def state(self, z: Vector) -> tuple[float, Vector]:
-        """Strain energy ½|r(z)|² and gradient Rᵀr(z) − load (n,); without a root ½ zᵀKz and K z − f."""
-        if not z.any():
-            return self.at_rest, 0.0 - self.f  # without negative zeros
-        if self.root is None or self.load is None:
-            force = self.K @ z
-            return 0.5 * float(z @ force), np.asarray(force - self.f)
-        r = self.root.apply(z)
-        return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
-
     @cached_property
     def at_rest(self) -> float:
         """Strain energy ½|r₀|² at z = 0."""
         r = np.zeros(1) if self.root is None else self.root.apply(np.zeros(len(self.f)))
         return 0.5 * float(r @ r)
 
+    def state(self, K: Columns, z: Vector) -> tuple[float, Vector]:
+        """Strain energy ½|r(z)|² and gradient Rᵀr(z) − load (n,); without a root ½ zᵀKz and K z − f."""
+        if not z.any():
+            return self.at_rest, 0.0 - self.f  # without negative zeros
+        if self.root is None or self.load is None:
+            force = K @ z
+            return 0.5 * float(z @ force), np.asarray(force - self.f)
+        r = self.root.apply(z)
+        return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
+
+    def bonded(self, K: Columns, condensed: CondensedContact) -> BondedState:
+        """The bonded state, kept for the last condensed contact."""
+        bonded: BondedState | None = self.__dict__.get("_bonded")
+        if bonded is None or bonded.condensed is not condensed:
+            # of a copy, so that no circle of references keeps a factorisation
+            bonded = self.__dict__["_bonded"] = BondedState(K, condensed, copy(self))
+        return bonded
+
 
 class BondedState:
-    """Minimiser of an energy under A z = b alone: the contact neither opens nor slips."""
+    """Minimiser of the energy under A z = b alone: the contact neither opens nor slips."""
 
-    def __init__(self, condensed: CondensedContact, energy: Energy, b: Vector) -> None:
-        self.condensed, self.energy, self._b = condensed, energy, b
+    def __init__(self, K: Columns, condensed: CondensedContact, loads: Loads) -> None:
+        self._K, self.condensed, self._loads = K, condensed, loads
 
     @cached_property
     def corrected(self) -> tuple[Vector, Vector, float]:
         """The unknowns (n,), ν (p,) and the size of the last defect correction, see `CondensedContact.corrected`."""
-        z, nu = self._first
-        size = float(np.sqrt(abs(z @ self.energy.f - self._b @ nu)))
-        return self.condensed.corrected(self._gradient, self._b, z, nu, size)
+        (z, nu), loads = self._first, self._loads
+        size = float(np.sqrt(abs(z @ loads.f - loads.b @ nu)))
+        return self.condensed.corrected(self._gradient, loads.b, z, nu, size)
 
     @cached_property
     def strain_energy(self) -> float:
         """Strain energy of the state; 0 if it is rounding, since all loads cancel."""
-        return self._rounded_energy(self.energy.state(self.corrected[0])[0])
+        return self._rounded_energy(self._loads.state(self._K, self.corrected[0])[0])
 
     @cached_property
     def error(self) -> float:
         """Size of the last defect correction over z, in the energy norm; 0 without a root."""
-        if self.energy.root is None or self.strain_energy == 0.0:
+        if self._loads.root is None or self.strain_energy == 0.0:
             return 0.0
         return self.corrected[2] / float(np.sqrt(2.0 * self.strain_energy))
 
@@ -266,27 +247,27 @@ class BondedState:
         """`Factorisation.reduce` of −gradient(0), and the energy for z_Γ = 0 with the interior in equilibrium."""
         (reduced, state), factor = self._eliminated, self.condensed.system.factor
         z = factor.expand(state, np.zeros(len(reduced)))
-        return reduced, state, -0.5 * float(self.energy.f @ z)
+        return reduced, state, -0.5 * float(self._loads.f @ z)
 
     @cached_property
     def _eliminated(self) -> tuple[Vector, State]:
-        return self.condensed.system.factor.reduce(self.energy.f)
+        return self.condensed.system.factor.reduce(self._loads.f)
 
     def _rounded_energy(self, energy: float) -> float:
         """A strain energy; 0 if it is rounding."""
-        return energy if energy > _CANCELLED * self.energy.at_rest else 0.0
+        return energy if energy > _CANCELLED * self._loads.at_rest else 0.0
 
     @cached_property
     def _first(self) -> tuple[Vector, Vector]:
         """The bonded solution (n,) and ν (p,) by one linear solve, without corrections."""
         (reduced, state), system = self._eliminated, self.condensed.system
-        values, nu = system.solve_interface(reduced, self._b)
+        values, nu = system.solve_interface(reduced, self._loads.b)
         return np.asarray(system.factor.expand(state, values)), nu
 
     @cached_property
     def _first_state(self) -> tuple[float, Vector]:
         """Strain energy and gradient at `_first`."""
-        return self.energy.state(self._first[0])
+        return self._loads.state(self._K, self._first[0])
 
     def _gradient(self, z: Vector) -> Vector:
-        return self._first_state[1] if z is self._first[0] else self.energy.state(z)[1]
+        return self._first_state[1] if z is self._first[0] else self._loads.state(self._K, z)[1]

@@ -14,7 +14,7 @@ import numpy as np
 
 from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.inequality.body import BondedState, Energy, EnergyRoot, Loads, Stiffness
+from solvers.inequality.body import BondedState, EnergyRoot, Loads, Stiffness
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
 from solvers.inequality.rows import checked_vector, transposed
 from solvers.inequality.traces import TractionFactor
@@ -223,24 +223,19 @@ class FrictionQVI(PicklesFields):
 
     def energy(self, z: Vector) -> float:
         """½ zᵀKz − fᵀz."""
-        return self.potential.value(z)
+        return float(0.5 * z @ (self.stiffness.K @ z) - self.loads.f @ z)
 
     def gradient(self, z: Vector) -> Vector:
         """Gradient of the energy (n,): Rᵀr(z) − load with an `EnergyRoot`, else K z − f."""
-        return self.potential.state(z)[1]
+        return self.state(z)[1]
 
     def state(self, z: Vector) -> tuple[float, Vector]:
         """The strain energy, ½|r(z)|² ≥ 0 with an `EnergyRoot`, else ½ zᵀKz, and the `gradient`."""
-        return self.potential.state(z)
+        return self.loads.state(self.stiffness.K, z)
 
     def resultant(self, z: Vector) -> float:
         """Σ W (N z + n0), the resultant normal force (negative in compression)."""
         return float(self.W @ self.normal(z))
-
-    @property
-    def potential(self) -> Energy:
-        """The energy of the body under the loads."""
-        return self.loads.energy(self.stiffness)
 
     @property
     def linear_system(self) -> EqualitySystem:
@@ -271,7 +266,7 @@ class FrictionQVI(PicklesFields):
     @property
     def bonded_state(self) -> BondedState:
         """The minimiser of the energy under A z = b alone, with its energy and error."""
-        return self.loads.bonded(self.stiffness.condensed(self.contact), self.potential)
+        return self.loads.bonded(self.stiffness.K, self.stiffness.condensed(self.contact))
 
     @property
     def bonded(self) -> Vector:
