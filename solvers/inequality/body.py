@@ -16,7 +16,7 @@ import numpy as np
 
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.factorisation.base import Factorisation, State, limited_blas
+from solvers.factorisation.base import Factorisation, limited_blas
 from solvers.factorisation.choice import Refactorisation, Request, condensing_pays, factorise, refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import Columns, by_columns, checked_matrix, checked_vector, generic_vector
@@ -242,17 +242,6 @@ class BondedState:
         """√(2 × strain energy) by one linear solve without corrections: a scale, accurate to few digits."""
         return float(np.sqrt(2.0 * self._rounded_energy(self._first_state[0])))
 
-    @cached_property
-    def at_rest(self) -> tuple[Vector, State, float]:
-        """`Factorisation.reduce` of −gradient(0), and the energy for z_Γ = 0 with the interior in equilibrium."""
-        (reduced, state), factor = self._eliminated, self.condensed.system.factor
-        z = factor.expand(state, np.zeros(len(reduced)))
-        return reduced, state, -0.5 * float(self._loads.f @ z)
-
-    @cached_property
-    def _eliminated(self) -> tuple[Vector, State]:
-        return self.condensed.system.factor.reduce(self._loads.f)
-
     def _rounded_energy(self, energy: float) -> float:
         """A strain energy; 0 if it is rounding."""
         return energy if energy > _CANCELLED * self._loads.at_rest else 0.0
@@ -260,9 +249,7 @@ class BondedState:
     @cached_property
     def _first(self) -> tuple[Vector, Vector]:
         """The bonded solution (n,) and ν (p,) by one linear solve, without corrections."""
-        (reduced, state), system = self._eliminated, self.condensed.system
-        values, nu = system.solve_interface(reduced, self._loads.b)
-        return np.asarray(system.factor.expand(state, values)), nu
+        return self.condensed.system.solve(self._loads.f, self._loads.b)
 
     @cached_property
     def _first_state(self) -> tuple[float, Vector]:

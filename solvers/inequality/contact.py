@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
@@ -235,11 +235,11 @@ class EqualitySystem:
 
     def solve_interface(self, g: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
         """(x_Γ, ν) of the dense system for g (k,) or (k, j), the right-hand side on Γ after the elimination of I."""
-        g, A, factored = np.asarray(g), self.A, self._factored
+        g, A = np.asarray(g), self.A
         c = np.zeros((len(A), *g.shape[1:])) if c is None else np.asarray(c)
-        x, nu = factored.solve(g, c)
+        x, nu = self._solved(g, c)
         for _ in range(_REFINEMENTS if len(A) else 0):
-            dx, dnu = factored.solve(g - self.schur @ x - A.T @ nu, c - A @ x)
+            dx, dnu = self._solved(g - self.schur @ x - A.T @ nu, c - A @ x)
             x, nu = x + dx, nu + dnu
         return x, nu
 
@@ -258,23 +258,12 @@ class EqualitySystem:
         return lambda m: np.asarray(interface_rows @ self.solve_interface(columns @ m)[0])
 
     @cached_property
-    def _factored(self) -> _Factored:
-        return _Factored.of(self.schur, self.A)
+    def _factors(self) -> tuple[float, Matrix, Matrix, Vector, Matrix]:
+        """[S Aᵀ; A 0] by Cholesky of S + ρ AᵀA, which changes neither x nor ν if ρ Aᵀc is added to the right-hand side.
 
-
-class _Factored(NamedTuple):
-    """[S Aᵀ; A 0] by Cholesky of S + ρ AᵀA, which changes neither x nor ν if ρ Aᵀc is added to the right-hand side."""
-
-    A: Matrix
-    rho: float
-    cholesky: Matrix
-    relief: Matrix  # (S + ρ AᵀA)⁻¹ Aᵀ
-    values: Vector
-    vectors: Matrix  # eigenvectors of A relief = A (S + ρ AᵀA)⁻¹ Aᵀ to the values that are not zero
-
-    @classmethod
-    def of(cls, S: Matrix, A: Matrix) -> _Factored:
-        rho = 0.0
+        ρ, the Cholesky factor, relief = (S + ρ AᵀA)⁻¹ Aᵀ, and eigenvalues of A relief that are not zero, with vectors.
+        """
+        S, A, rho = self.schur, self.A, 0.0
         if len(A) and len(S):
             square = A.T @ A
             rho = float(np.trace(S) / max(np.trace(square), np.finfo(float).tiny))
@@ -287,14 +276,15 @@ class _Factored(NamedTuple):
             relief = dpotrs(cholesky, A.T, lower=1)[0] if len(S) else A.T
             values, vectors = eigh(A @ relief)
         is_positive = values > _LEAST_EIGENVALUE * values.max(initial=0.0)
-        return cls(A, rho, cholesky, relief, values[is_positive], vectors[:, is_positive])
+        return rho, cholesky, relief, values[is_positive], vectors[:, is_positive]
 
-    def solve(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
-        """(x, ν), without iterative refinement."""
-        if not len(self.A):  # LAPACK directly: the checks of SciPy's `cho_solve` take longer than a small solve
-            return (np.asarray(dpotrs(self.cholesky, g, lower=1)[0]) if g.size else g), c
-        x = g + self.rho * self.A.T @ c
-        x = np.asarray(dpotrs(self.cholesky, x, lower=1)[0]) if g.size else x
-        weights = self.vectors.T @ (self.A @ x - c)
-        nu = self.vectors @ (weights / (self.values if g.ndim == 1 else self.values[:, None]))
-        return x - self.relief @ nu, nu
+    def _solved(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
+        """(x_Γ, ν), without iterative refinement."""
+        (rho, cholesky, relief, values, vectors), A = self._factors, self.A
+        if not len(A):  # LAPACK directly: the checks of SciPy's `cho_solve` take longer than a small solve
+            return (np.asarray(dpotrs(cholesky, g, lower=1)[0]) if g.size else g), c
+        x = g + rho * A.T @ c
+        x = np.asarray(dpotrs(cholesky, x, lower=1)[0]) if g.size else x
+        weights = vectors.T @ (A @ x - c)
+        nu = vectors @ (weights / (values if g.ndim == 1 else values[:, None]))
+        return x - relief @ nu, nu
