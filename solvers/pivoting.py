@@ -163,7 +163,7 @@ def solve_pivoting(
         d = 0.2 + np.random.default_rng(direction).random(n) if direction else np.ones(n)
         for active in (None,) if start is None else (bounds.active(started, start.multipliers), None):
             vertex = solve_lcp(bounds.M, bounds.q, d, active)
-            end = bounds.corrected(compliance, vertex, tolerance) if vertex.solved else None
+            end = bounds.corrected(compliance, vertex, tolerance) if vertex.reason is Status.SOLVED else None
             if end is not None and end[2] <= _LARGEST_ERROR:
                 near = None if start is None else active is not None
                 break
@@ -215,11 +215,6 @@ class Vertex:
     basic: BoolVector  # (n,) bool, True: w = 0 and x may be positive
     pivots: int  # number of pivots
     reason: Status = Status.SOLVED  # or "stalled", in a ray, or "time_limit"
-
-    @property
-    def solved(self) -> bool:
-        """Whether the path ended at a solution."""
-        return self.reason is Status.SOLVED
 
 
 def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None) -> Vertex:

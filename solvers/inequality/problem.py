@@ -127,17 +127,16 @@ class FrictionQVI(PicklesFields):
                 remedy = f"give {kind.__name__}, or the arrays of a problem to FrictionQVI.from_arrays"
                 raise InputError(name, type(getattr(self, name)).__name__, remedy)
         n, m, p = self.n, self.m, self.p
-        expected: dict[str, tuple[int, ...]] = {
-            "f": (n,), "N": (m, n), "n0": (m,), "T": (m, n), "t0": (m,), "mu": (m,), "W": (m,),
-            "A": (p, n), "b": (p,), "cohesion": (m,), "cap": (m,), "bilateral": (m,),
-        }  # fmt: skip
-        if self.load is not None:
-            expected["load"] = (n,)
-        for name, shape in expected.items():
-            part = self.contact if name in ("N", "T", "A") else self
-            found = getattr(part, name).shape
-            if found != shape:
-                raise InputError(name, f"shape {found}", f"give shape {shape}, as K and N say")
+        expected: dict[object, dict[str, tuple[int, ...]]] = {
+            self.loads: {"f": (n,), "n0": (m,), "t0": (m,), "b": (p,), **({} if self.load is None else {"load": (n,)})},
+            self.contact: {"N": (m, n), "T": (m, n), "W": (m,), "A": (p, n)},
+            self.law: {"mu": (m,), "cohesion": (m,), "cap": (m,), "bilateral": (m,)},
+        }
+        for part, shapes in expected.items():
+            for name, shape in shapes.items():
+                found = getattr(part, name).shape
+                if found != shape:
+                    raise InputError(name, f"shape {found}", f"give shape {shape}, as K and N say")
         if p == 0:
             self.stiffness.check_diagonal(least=np.finfo(np.float64).tiny)
         _ = self.contact.rows  # checks the traces
