@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import lstsq
 
+from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, Matrix, Vector
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
@@ -120,7 +121,7 @@ def _relieved(M: Matrix, q: Vector, is_active: BoolVector) -> Vector:
         reduced_q = q[is_free] - coupling @ eliminated[:, 0]
         size = largest(reduced_q) or 1.0
         vertex = solve_lcp(reduced_M, reduced_q / size, np.ones(len(reduced_q)))
-        if not vertex.solved:
+        if vertex.reason is not Status.SOLVED:
             why = "a point changes its state, or nothing determines where a body is"
             raise InputError("derivative", "none found", f"{why}: change the parameter slightly, or add a support")
         x[is_free] = vertex.x * size

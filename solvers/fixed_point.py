@@ -25,12 +25,12 @@ from scipy.sparse import csc_array, diags_array, eye_array, vstack
 from solvers.basics.checks import real_array
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
-from solvers.basics.types import Matrix, Vector
+from solvers.basics.types import BoolVector, IntVector, Vector
 from solvers.certificate.certificate import certify, scales_at
-from solvers.certificate.feasibility import Feasibility, check_feasibility, refuted
+from solvers.certificate.feasibility import PROOF_SECONDS, Feasibility, check_feasibility, refuted
 from solvers.errors import InputError
 from solvers.inequality.problem import Compliance, FrictionQVI
-from solvers.inequality.rows import independent_rows, largest
+from solvers.inequality.rows import basis, largest
 from solvers.inner.linear_program import BackendFailure, attempt
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 from solvers.inner.registry import make_inner, versions
@@ -40,9 +40,9 @@ from solvers.solution import Iteration, Outcome
 # The unknowns of the inner problems.
 #
 # "full"       the unknowns z: large and sparse, and as badly conditioned as K
-# "condensed"  coordinates w of the tractions. The rows B = [N; T] = E Y span r ≤ 2m directions Y; with a factor
-#              F Fᵀ = Y K⁻¹ Yᵀ and V = E F the tractions are σ_bonded + V w and the energy is ½|w|²: small, dense,
-#              perfectly conditioned; z follows from the multipliers by one linear solve with the factor of K
+# "condensed"  coordinates w of the tractions. With a factor V Vᵀ of the compliance B K⁻¹ Bᵀ, B = [N; T], the tractions
+#              are σ_bonded + V w and the energy is ½|w|²: small, dense, perfectly conditioned; z follows from the
+#              multipliers by one linear solve with the factor of K
 #
 # Both have the same tractions and multipliers at the minimum. The condensed form is faster for few contact points.
 #
@@ -53,8 +53,8 @@ from solvers.solution import Iteration, Outcome
 CONDENSED_LIMIT = 2000
 """Rows of B, 2m, up to which "auto" condenses."""
 
-_COMPLIANCE_SHARE, _STIFFNESS_SHARE = 1e-14, 1e-12
-"""Eigenvalues of Y K⁻¹ Yᵀ below these shares of its largest one, and of 1/|K|, are rounding."""
+_LEAST_SHARE = 1e-14
+"""Eigenvalues of the compliance below this share of its largest one are rounding, of dependent rows or equations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +62,9 @@ class FullForm:
     """(D2) with independent equations for points without friction, and empty rows of N at bilateral points."""
 
     problem: FrictionQVI  # of the inner solver: A has the equations, their rows of T are empty
-    rows: np.ndarray  # (m,) bool, points without friction
-    E: Matrix  # (rows, k), T_rows = E Y with Y the k rows appended to A
+    rows: BoolVector  # (m,), points without friction
+    equations: IntVector  # (k,) points whose rows of T, linearly independent, are the last k rows of A
+    sizes: Vector  # (k,) lengths of these rows of T, which are scaled to length one in A
     name: ClassVar[str] = "full"
 
     @classmethod
@@ -75,14 +76,16 @@ class FullForm:
             qvi = qvi.with_contact(N=N, traces=None).with_loads(n0=np.where(qvi.bilateral, -1.0, qvi.n0))
         rows = qvi.frictionless
         if not rows.any():
-            return cls(qvi, rows, np.zeros((0, 0)))
-        E, Y = independent_rows(csc_array(qvi.T[rows]))
-        has_friction = np.where(rows, 0.0, 1.0)
-        b = np.concatenate([qvi.b, -np.linalg.lstsq(E, qvi.t0[rows], rcond=None)[0]])
-        T, A = csc_array(diags_array(has_friction) @ qvi.T), csc_array(vstack([qvi.A, Y]))
-        contact = replace(qvi.contact, T=T, A=A, traces=None)
+            return cls(qvi, rows, np.zeros(0, dtype=np.int64), np.zeros(0))
+        equations = rows.nonzero()[0]
+        equations = equations[basis(qvi.T[equations]).rows]
+        chosen, has_friction = qvi.T[equations], np.where(rows, 0.0, 1.0)
+        sizes = np.sqrt(np.asarray(chosen.multiply(chosen).sum(axis=1)).ravel())
+        A = csc_array(vstack([qvi.A, diags_array(1.0 / sizes) @ chosen]))
+        contact = replace(qvi.contact, T=csc_array(diags_array(has_friction) @ qvi.T), A=A, traces=None)
+        b = np.concatenate([qvi.b, -qvi.t0[equations] / sizes])
         problem = replace(qvi, contact=contact, loads=replace(qvi.loads, t0=has_friction * qvi.t0, b=b))
-        return cls(problem, rows, E)
+        return cls(problem, rows, equations, sizes)
 
     def threshold(self, threshold: Vector) -> Vector:
         """The friction bound (m,) of the inner problem: 1, which is never reached, at points with an empty row."""
@@ -93,14 +96,13 @@ class FullForm:
         return Centre(self.problem, self.problem.bonded if result is None else result.z)
 
     def expand(self, result: InnerSolution) -> InnerSolution:
-        """The result in the original rows: the m_T of least norm with Eᵀ m_T = ν of the equations."""
+        """The result in the original rows: m_T = ν of the equations, 0 in the rows that depend on them."""
         if self.problem.bilateral.any():
             result = replace(result, m_N=np.where(self.problem.bilateral, 0.0, result.m_N))
         if not self.rows.any():
             return result
-        p = len(result.nu) - self.E.shape[1]
-        m_T = np.array(result.m_T)
-        m_T[self.rows] = np.linalg.lstsq(self.E.T, result.nu[p:], rcond=None)[0]
+        p, m_T = len(result.nu) - len(self.equations), np.where(self.rows, 0.0, result.m_T)
+        m_T[self.equations] = result.nu[p:] / self.sizes
         return replace(result, m_T=m_T, nu=result.nu[:p])
 
 
@@ -112,15 +114,9 @@ class CondensedForm:
     def __init__(self, full: FullForm) -> None:
         qvi = full.problem
         self._full, self._compliance = full, Compliance(qvi)
-        E, Y = independent_rows(qvi.contact_rows)
-        Y_interface = Y[:, qvi.condensed_contact.system.interface]
-        C = Y_interface @ qvi.condensed_contact.system.solve_interface(Y_interface.T.toarray())[0]
-        # F Fᵀ = C = Y K⁻¹ Yᵀ by its positive eigenvalues. As rows of Y are orthonormal, C is at least 1/|K| in
-        # directions that no equation A z = b fixes.
-        values, vectors = np.linalg.eigh((C + C.T) / 2.0)
-        stiffest = float(qvi.K.diagonal().max(initial=1.0))
-        is_positive = values > max(_COMPLIANCE_SHARE * values.max(initial=0.0), _STIFFNESS_SHARE / stiffest)
-        self._V = np.asarray(E @ (vectors[:, is_positive] * np.sqrt(values[is_positive])))
+        values, vectors = np.linalg.eigh(self._compliance.dense)
+        is_positive = values > _LEAST_SHARE * values.max(initial=0.0)
+        self._V = vectors[:, is_positive] * np.sqrt(values[is_positive])
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI.from_arrays(
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],
@@ -211,7 +207,6 @@ class Anderson:
 _INNER_FACTOR, _INNER_LIMITS = 1e-4, (1e-12, 1e-6)
 _MOST_RECOVERIES = 12  # from failed inner problems, in all
 _MOST_HALVINGS = 4  # of the distance from s to the last feasible one, in succession
-_PROOF_SECONDS = 2.0  # for a proof that a bound is too small; the largest programs need as long
 _CYCLE_LENGTHS = range(2, 9)
 _CYCLE_MATCH = 1e-4  # distance from an earlier s, over the residual, that counts as a return
 _PROGRESS = 0.9
@@ -251,7 +246,7 @@ class _Loop:
         """One outer iteration: inner problem, residual, record, next s."""
         qvi, began, number = self.qvi, time.perf_counter(), len(self.history) + 1
         inner = self._solve_inner(qvi.threshold(self.s))
-        if not _is_usable(inner):
+        if not inner.status.usable:
             result = no_result(qvi, inner.status, inner.message)
             self._record(result, np.inf, began)
             if not deadline.over:
@@ -287,13 +282,13 @@ class _Loop:
         threshold, centre = form.threshold(bound), form.centre(self.inner, self.previous)
         last_failed = bool(self.history) and self.history[-1].residual == np.inf
         inner = None if last_failed else solver.solve(threshold, centre, self.inner)
-        if inner is not None and (_is_usable(inner) or deadline.over):
+        if inner is not None and (inner.status.usable or deadline.over):
             return inner
         qvi = self.qvi.with_bound(bound)
-        if (proof := refuted(qvi, _PROOF_SECONDS)) is not None:
+        if (proof := refuted(qvi, PROOF_SECONDS)) is not None:
             return no_result(form.problem, Status.INFEASIBLE, proof.message)
         inner = inner or solver.solve(threshold, centre, self.inner)
-        if not _is_usable(inner) and self.inner is not None and not deadline.over:
+        if not inner.status.usable and self.inner is not None and not deadline.over:
             inner = solver.solve(threshold, form.centre(None, None), None)
         if inner.status is not Status.INFEASIBLE or deadline.over or check_feasibility(qvi).feasible is False:
             return inner
@@ -367,10 +362,6 @@ class _Loop:
         self.map.reset()
         if not self.accelerated:
             self.map.mixing = min(self.map.mixing, 0.5)
-
-
-def _is_usable(inner: InnerSolution) -> bool:
-    return inner.status.usable and inner.finite
 
 
 def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: FixedPointOptions) -> Outcome:

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -39,6 +39,7 @@ from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.inequality.problem import Compliance, FrictionQVI
+from solvers.inequality.rows import largest, most
 from solvers.settings import PivotingOptions
 from solvers.solution import Iteration, Outcome, Start
 
@@ -59,6 +60,10 @@ _LARGEST_ERROR = 1e-8  # error of a vertex, over the bonded traction, above whic
 _RANK = 1e-11  # singular values of active rows below this share of the largest are zero
 
 
+State: TypeAlias = tuple[Vector, Vector, Vector, Vector]
+"""(z, m_N, m_T, ν)"""
+
+
 class ContactBounds:
     """The linear complementarity problem w = q + M x, M (r, r), q (r,), of a QVI for signs (m,) of σ_N.
 
@@ -66,35 +71,35 @@ class ContactBounds:
     """
 
     def __init__(self, qvi: FrictionQVI, compliance: Compliance, signs: Vector) -> None:
-        m, law, points = qvi.m, qvi.law, np.arange(qvi.m)
-        normal, capped = (~qvi.bilateral).nonzero()[0], np.isfinite(law.cap).nonzero()[0]
-        normal_zeros, cap_zeros = np.zeros(len(normal)), np.zeros(len(capped))
-        signed_mu, mu = -law.mu * signs, law.mu
-        # A row of H has the entry `side` at its `traction`, and `by_normal` at σ_N of its `point`.
-        point = np.concatenate([normal, points, capped, points, capped])
-        sides = np.ones(len(normal)), np.ones(m + len(capped)), -np.ones(m + len(capped))
-        self._side = np.concatenate(sides)
-        self._by_normal = np.concatenate([normal_zeros, signed_mu, cap_zeros, signed_mu, cap_zeros])
-        self._point, self._traction = point, np.concatenate([normal, m + point[len(normal) :]])
-        # Rows with friction are divided by 1 + mu.
-        self._size = 1.0 / (1.0 + np.concatenate([normal_zeros, mu, cap_zeros, mu, cap_zeros]))
-        limit = np.concatenate([normal_zeros, law.cohesion, law.cap[capped], law.cohesion, law.cap[capped]])
-        self._limit = self._size * limit
-        self.stress = float(np.maximum.reduce(np.abs(compliance.bonded), initial=0.0)) or 1.0
+        m, law = qvi.m, qvi.law
+        normal, capped = (~law.bilateral).nonzero()[0], np.isfinite(law.cap).nonzero()[0]
+        # Rows of normal bounds, then of friction and caps above, then of friction and caps below. A row of H has the
+        # entry `side` at its `traction`, and −mu sign(σ_N) at σ_N of its `point`; rows are divided by 1 + mu.
+        shear, above = np.concatenate([np.arange(m), capped]), len(normal)
+        self._point = point = np.concatenate([normal, shear, shear])
+        self._traction = traction = point.copy()
+        traction[above:] += m
+        below = above + len(shear)
+        side, mu, limit = np.ones(len(point)), np.zeros(len(point)), np.zeros(len(point))
+        side[below:] = -1.0
+        for first in (above, below):
+            mu[first : first + m], limit[first : first + m] = law.mu, law.cohesion
+            limit[first + m : first + len(shear)] = law.cap[capped]
+        size = 1.0 / (1.0 + mu)
+        self._side, self._by_side, self._by_normal = side, size * side, -size * mu * signs[point]
+        self._limit = size * limit
+        self.stress = largest(compliance.bonded) or 1.0
         unit = self.stress / (qvi.contact_stiffness or 1.0)
-        self._relief_entries, self._n_tractions = unit * self._side * qvi.W[point], 2 * m  # F has one entry per column
-        compliance_of_x = compliance.dense[:, self._traction] * self._relief_entries  # C F
-        self.M = self._bounded(compliance_of_x.T).T / self.stress
+        self._relief_entries, self._n_tractions = unit * side * qvi.W[point], 2 * m  # F has one entry per column
+        C = compliance.dense
+        bounded = self._by_side[:, None] * C[traction] + self._by_normal[:, None] * C[point]  # H C
+        self.M = bounded.take(traction, axis=1) * (self._relief_entries / self.stress)
         self.q = self.slack(compliance.bonded)
-
-    def _bounded(self, tractions: Matrix) -> Matrix:
-        """H σ (r,) of tractions (2m,), or (j, r) of (j, 2m)."""
-        rows = self._side * tractions[..., self._traction] + self._by_normal * tractions[..., self._point]
-        return np.asarray(self._size * rows)
 
     def slack(self, tractions: Vector) -> Vector:
         """The slack w (r,) at tractions (2m,)."""
-        return np.asarray((self._limit - self._bounded(tractions)) / self.stress)
+        bounded = self._by_side * tractions[self._traction] + self._by_normal * tractions[self._point]
+        return np.asarray((self._limit - bounded) / self.stress)
 
     def multipliers(self, x: Vector) -> Vector:
         """Row multipliers m = F x (2m,)."""
@@ -110,30 +115,27 @@ class ContactBounds:
         np.minimum.at(least, shared, slack)
         return np.asarray((m[self._traction] / self._relief_entries > slack + _LEAST_ACTIVE) & (slack <= least[shared]))
 
-    def corrected(
-        self, compliance: Compliance, vertex: Vertex, tolerance: float
-    ) -> tuple[tuple[Vector, Vector, Vector, Vector], float]:
-        """The state (z, m_N, m_T, ν) of a vertex, and its error: the violation of bounds, over the bonded traction.
+    def corrected(self, compliance: Compliance, vertex: Vertex, tolerance: float) -> tuple[State, Vector, float]:
+        """The state of a vertex, its tractions (2m,), and its error: the violation of bounds, over the bonded traction.
 
         Corrections of x remove the slacks of active bounds, computed from the accurate stresses of the state.
         """
-        x, active = vertex.x, vertex.basic
-        best = state = compliance.state(self.multipliers(x))
-        least = np.inf
+        x, active, least = vertex.x, vertex.basic, np.inf
+        best: Any = ()
         for n_left in reversed(range(_MOST_CORRECTIONS + 1)):
-            slack = self.slack(compliance.qvi.tractions(state[0]))
-            error = max(float(np.abs(slack[active]).max(initial=0.0)), -float(slack.min(initial=0.0)))
-            before = least
-            if error < least:
-                best, least = state, error
+            state = compliance.state(self.multipliers(x))
+            tractions = compliance.qvi.tractions(state[0])
+            slack = self.slack(tractions)
+            error, before = max(largest(slack[active]), most(-slack)), least
+            if not best or error < least:
+                best, least = (state, tractions, error), error
             if not n_left or not _LEAST_ERROR * tolerance < error < 0.5 * before:
                 break
-            x = x.copy()
             block = self.M[np.ix_(active, active)]
+            x = x.copy()
             x[active] -= lstsq(block, slack[active], cond=_RANK, lapack_driver="gelsy")[0]
             x = np.maximum(x, 0.0)
-            state = compliance.state(self.multipliers(x))
-        return best, least
+        return best  # type: ignore[no-any-return]  # never empty
 
 
 def affordable(qvi: FrictionQVI, most: int = LARGEST) -> bool:
@@ -150,41 +152,39 @@ def solve_pivoting(
     inaccurate, the path from x = 0 follows. An iteration is a vertex for guessed signs; inner iterations are pivots.
     """
     began = time.perf_counter()
-    compliance = Compliance(qvi)
-    best = Outcome.nothing(qvi, Status.STALLED, _MESSAGES[Status.STALLED])
-    best.near, best.form, best.setup = (None if start is None else False), "condensed", time.perf_counter() - began
-    is_guessed = qvi.bilateral & (qvi.mu > 0.0)
-    normal = compliance.bonded[: qvi.m] if start is None else qvi.normal(start.z)
+    compliance, law, history, found = Compliance(qvi), qvi.law, list[Iteration](), None
+    setup, near = time.perf_counter() - began, None if start is None else False
+    started = compliance.bonded if start is None else qvi.tractions(start.z)
+    is_guessed = law.bilateral & (law.mu > 0.0)
+    signs = np.where(is_guessed & (started[: qvi.m] > 0.0), 1.0, -1.0)
     for _ in range(_MOST_GUESSES):
-        signs = np.where(is_guessed & (normal > 0.0), 1.0, -1.0)
         bounds = ContactBounds(qvi, compliance, signs)
         n = len(bounds.q)
         d = 0.2 + np.random.default_rng(direction).random(n) if direction else np.ones(n)
-        starts = [] if start is None else [bounds.active(qvi.tractions(start.z), start.multipliers)]
-        for active in (*starts, None):
+        for active in (None,) if start is None else (bounds.active(started, start.multipliers), None):
             vertex = solve_lcp(bounds.M, bounds.q, d, active)
-            state, error = bounds.corrected(compliance, vertex, tolerance) if vertex.solved else (None, np.inf)
-            if error <= _LARGEST_ERROR:
-                best.near = None if start is None else active is not None
+            end = bounds.corrected(compliance, vertex, tolerance) if vertex.reason is Status.SOLVED else None
+            if end is not None and end[2] <= _LARGEST_ERROR:
+                near = None if start is None else active is not None
                 break
-        best.reason, best.message = vertex.reason, _MESSAGES.get(vertex.reason, "")
-        if state is None:
+        reason, message = vertex.reason, _MESSAGES.get(vertex.reason, "")
+        if end is None:
             break
-        best.z, best.m_N, best.m_T, best.nu = state
-        best.iterations += 1
-        entry = Iteration(
-            best.iterations, error, qvi.energy(best.z), qvi.resultant(best.z), None, vertex.pivots,
-            time.perf_counter() - began,
-        )  # fmt: skip
-        best.history.append(entry)
-        report(Progress("pivoting", entry))
-        normal = qvi.normal(best.z)
-        if best.iterations >= options.max_iterations:
-            best.reason = Status.MAX_ITERATIONS
+        found, tractions, error = end
+        normal, before = tractions[: qvi.m], signs
+        numbers = error, qvi.energy(found[0]), float(qvi.W @ normal), None, vertex.pivots
+        history.append(Iteration(len(history) + 1, *numbers, time.perf_counter() - began))
+        report(Progress("pivoting", history[-1]))
+        signs = np.where(is_guessed & (normal > 0.0), 1.0, -1.0)
+        if len(history) >= options.max_iterations:
+            reason = Status.MAX_ITERATIONS
             break
-        if (signs[is_guessed] == np.where(normal[is_guessed] > 0.0, 1.0, -1.0)).all():
+        if (signs == before).all():
             break
-    return best
+    more: dict[str, Any] = {"message": message, "setup": setup, "form": "condensed", "near": near}
+    if found is None:
+        return Outcome.nothing(qvi, reason, **more)
+    return Outcome(reason, *found, history, len(history), **more)
 
 
 _MESSAGES = {
@@ -216,11 +216,6 @@ class Vertex:
     pivots: int  # number of pivots
     reason: Status = Status.SOLVED  # or "stalled", in a ray, or "time_limit"
 
-    @property
-    def solved(self) -> bool:
-        """Whether the path ended at a solution."""
-        return self.reason is Status.SOLVED
-
 
 def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None) -> Vertex:
     """The end of the path for M (n, n), q (n,) and the direction d (n,) > 0.
@@ -232,8 +227,8 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
     if active is not None and active.any():
         return _from_active(M, q, d, active)
     x, basic = np.zeros(n), np.zeros(n, dtype=bool)
-    largest = max(1.0, float(np.maximum.reduce(np.abs(q), initial=0.0)))
-    if q.min(initial=0.0) >= -_ROUNDING * largest:
+    size = max(1.0, largest(q))
+    if q.min(initial=0.0) >= -_ROUNDING * size:
         return Vertex(x, basic, 0)
     # basic + table @ non-basic = values, the last column. Variables: w 0 to n − 1, x n to 2n − 1, θ 2n.
     table: Matrix = np.empty((n, n + 2), order="F")
@@ -262,7 +257,7 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
             next_row = _leaving_row(table[:, column[entering]], table[:, -1], basis)
         if next_row is None:  # θ has left the basis, or a ray begins, which is a solution if θ is rounding
             rows = (basis >= n).nonzero()[0]
-            is_solution = leaving == 2 * n or table[basis == 2 * n, -1].max() <= _LEAST_THETA * largest
+            is_solution = leaving == 2 * n or table[basis == 2 * n, -1].max() <= _LEAST_THETA * size
             rows = rows[basis[rows] < 2 * n]
             x[basis[rows] - n] = np.maximum(table[rows, -1], 0.0)
             basic[basis[rows] - n] = True
@@ -273,30 +268,26 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
 
 def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector) -> Vertex:
     """The path of the problem in which x and w are exchanged in the active rows, by a block pivot."""
-    order = np.concatenate([np.flatnonzero(active), np.flatnonzero(~active)])
-    exchanged, values = M[order][:, order], q[order]
-    block, rest = slice(np.count_nonzero(active)), slice(np.count_nonzero(active), None)
+    inside, outside = active.nonzero()[0], (~active).nonzero()[0]
+    columns = M[:, inside]
     try:
-        inverse = np.linalg.inv(exchanged[block, block])
+        inverse = np.linalg.inv(columns[inside])
     except np.linalg.LinAlgError:
         return Vertex(np.zeros(len(q)), active, 0, Status.STALLED)
-    values[block] = -inverse @ values[block]
-    values[rest] += exchanged[rest, block] @ values[block]
-    upper_right = -inverse @ exchanged[block, rest]
-    exchanged[rest, rest] += exchanged[rest, block] @ upper_right
-    exchanged[rest, block] = exchanged[rest, block] @ inverse
-    exchanged[block, block], exchanged[block, rest] = inverse, upper_right
+    rows, values = inverse @ M[inside], q.copy()
+    values[inside] = -inverse @ q[inside]
+    values[outside] += columns[outside] @ values[inside]
+    exchanged = M - columns @ rows
+    exchanged[inside], exchanged[:, inside] = -rows, columns @ inverse
+    exchanged[np.ix_(inside, inside)] = inverse
     vertex = solve_lcp(exchanged, values, d)
-    x, basic = np.empty(len(q)), np.empty(len(q), dtype=bool)
-    x[order[block]] = np.maximum(values[block] + exchanged[block] @ vertex.x, 0.0)
-    x[order[rest]] = vertex.x[rest]
-    basic[order] = vertex.basic
-    return Vertex(x, basic ^ active, vertex.pivots, vertex.reason)
+    x = np.where(active, np.maximum(values + exchanged @ vertex.x, 0.0), vertex.x)
+    return Vertex(x, vertex.basic ^ active, vertex.pivots, vertex.reason)
 
 
 def _leaving_row(column: Vector, values: Vector, basis: IntVector) -> int | None:
     """The row whose basic variable reaches zero first, None in a ray; of ties θ, else the largest pivot."""
-    decreases = column > _PIVOT * max(1.0, float(np.maximum.reduce(np.abs(column))))
+    decreases = column > _PIVOT * max(1.0, largest(column))
     steps = np.full(len(column), np.inf)
     np.divide(np.maximum(values, 0.0), column, out=steps, where=decreases)
     least = float(np.minimum.reduce(steps))

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -201,10 +201,10 @@ class Outcome:
     near: bool | None = None
 
     @classmethod
-    def nothing(cls, qvi: FrictionQVI, reason: Status, message: str) -> Outcome:
-        """An outcome without a result, all arrays NaN."""
+    def nothing(cls, qvi: FrictionQVI, reason: Status, message: str, **others: Any) -> Outcome:
+        """An outcome without a result, all arrays NaN, with `others` of its fields."""
         z, rows, nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
-        return cls(reason, z, rows, rows, nu, message=message)
+        return cls(reason, z, rows, rows, nu, message=message, **others)
 
     def certified(self, qvi: FrictionQVI, tolerance: float) -> Certificate:
         """The certificate of its state."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from itertools import chain
+from itertools import chain, islice
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -15,7 +15,7 @@ from solvers.basics.progress import Log, Progress, deadline, listening, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
-from solvers.certificate.feasibility import refuted
+from solvers.certificate.feasibility import PROOF_SECONDS, refuted
 from solvers.condensed.method import EXACT, LAST, CondensedRun
 from solvers.condensed.systems import FITTING_PATH, NEAR_BONDED_PATH
 from solvers.errors import InputError, SolveError
@@ -89,9 +89,6 @@ _LARGEST_BONDED_ERROR = 1e-4
 
 _METHOD_FREE_OPTIONS: Final = {"max_iterations"}  # options that do not choose a method
 
-# Seconds for a proof that the load cannot be carried: this share of the time so far, and at least this many.
-_PROOF_SHARE, _PROOF_LEAST_SECONDS = 0.2, 0.5
-
 _FAILURES = {
     "singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT,
     "backend": Status.BACKEND_FAILED,
@@ -133,7 +130,7 @@ def other_paths(search: Search) -> Tries:
     is_inexact = first.reason is Status.SOLVED and first.residual() > EXACT
     if first.reason is Status.SOLVED and not is_inexact:
         return
-    best.feasibility = refuted(search.qvi, max(_PROOF_SHARE * search.seconds, _PROOF_LEAST_SECONDS))
+    best.feasibility = refuted(search.qvi, PROOF_SECONDS)
     if best.feasibility is not None:
         return
     paths = first.space.paths
@@ -154,20 +151,20 @@ def other_paths(search: Search) -> Tries:
             return
 
 
-def vertex(search: Search) -> Tries:
-    """Pivoting, for small contacts, started from the state `initial` if that has the size of the problem."""
-    start = search.start if search.start is not None and search.start.fits(search.qvi) else None
-    outcome = solve_pivoting(search.qvi, search.settings.tolerance, search.options(PivotingOptions), start=start)
-    yield Attempt("pivoting", "", outcome.reason, outcome.iterations), outcome
-
-
-def other_vertices(search: Search) -> Tries:
-    """Pivoting along each direction d that was not tried yet."""
-    was_tried, tolerance = any(each.name == "pivoting" for each in search.attempts), search.settings.tolerance
-    for direction in range(1 if was_tried else 0, DIRECTIONS):
-        outcome = solve_pivoting(search.qvi, tolerance, search.options(PivotingOptions), direction)
+def vertices(search: Search) -> Tries:
+    """Pivoting along each direction d that was not tried yet, along the first one from the state `initial`."""
+    tolerance, options = search.settings.tolerance, search.options(PivotingOptions)
+    is_near = search.start is not None and search.start.fits(search.qvi)
+    for direction in range(sum(each.name == "pivoting" for each in search.attempts), DIRECTIONS):
+        start = search.start if is_near and not direction else None
+        outcome = solve_pivoting(search.qvi, tolerance, options, direction, start)
         name = f"pivoting, direction {direction + 1}" if direction else "pivoting"
         yield Attempt(name, "", outcome.reason, outcome.iterations), outcome
+
+
+def first_vertex(search: Search) -> Tries:
+    """Pivoting along the first direction, for small contacts."""
+    return islice(vertices(search), 1)
 
 
 def fixed_point(search: Search) -> Tries:
@@ -190,7 +187,7 @@ def _ill_conditioned(qvi: FrictionQVI) -> Outcome | None:
     if error <= _LARGEST_BONDED_ERROR:
         return None
     message = f"the linear system is solved to {error:.0e} only, in the energy norm"
-    return dataclasses.replace(Outcome.nothing(qvi, Status.ILL_CONDITIONED, message), hopeless=True)
+    return Outcome.nothing(qvi, Status.ILL_CONDITIONED, message, hopeless=True)
 
 
 def _linear(qvi: FrictionQVI, method: str) -> Tries:
@@ -212,9 +209,9 @@ class Way(NamedTuple):
 
 
 ATTEMPTS: Final = (
-    Way("pivoting", (vertex,), serves=affordable),
+    Way("pivoting", (first_vertex,), serves=affordable),
     Way("condensed", (usual_start, other_paths)),
-    Way("pivoting", (other_vertices,), "Pivoting", lambda qvi: affordable(qvi, LARGEST_LATE)),
+    Way("pivoting", (vertices,), "Pivoting", lambda qvi: affordable(qvi, LARGEST_LATE)),
     Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: qvi.m <= _LARGEST_FIXED_POINT),
     Way("uzawa", (uzawa,), serves=lambda _: False),
 )
@@ -230,6 +227,7 @@ class Search:
         self.inner = settings.inner or DEFAULT_INNER  # inner solver of the fixed point
         self.attempts: tuple[Attempt, ...] = ()
         self.best: Outcome | None = None  # the outcome of the current method with the best certificate
+        self.method, self.certificate, self.timings = "", Certificate({}, 1.0), dict[str, float]()  # of the last method
         self.run: CondensedRun | None = None  # the latest run of the condensed method
         self._began = time.perf_counter()
         self._given = dict(settings.options)
@@ -244,38 +242,16 @@ class Search:
             elif self.start is not None or not settings.by_default:  # a pressure is kept for a later fixed point
                 self._given["initial"] = start
 
-    @property
-    def seconds(self) -> float:
-        """Wall time of the search so far, without the set-up of the condensed method."""
-        return time.perf_counter() - self._began - (self.run.setup if self.run else 0.0)
-
     def options(self, kind: type[Options]) -> Options:
         """Options of the current method, made of the given ones that it has."""
         return kind(**{name: value for name, value in self._given.items() if name in kind.__dataclass_fields__})
 
-    def first(self) -> QVISolution | None:
-        """The solution by the first of `ATTEMPTS`; None if the problem is not suitable, or the certificate fails."""
-        way = ATTEMPTS[0]
-        if not way.serves(self.qvi):
-            return None
-        certificate, timings = self._best_of(way)
-        return self._finished(way, certificate, timings) if certificate.passed else None
-
-    def by(self, *ways: Way, why: str = "") -> QVISolution:
-        """The best solution that entries of one method find. A factorisation that fails becomes a status."""
-        return self._finished(ways[0], *self._best_of(*ways, why=why))
-
-    def _finished(self, way: Way, certificate: Certificate, timings: Mapping[str, float]) -> QVISolution:
-        assert self.best is not None
-        inner = self.inner if way.method == "fixed-point" else ""
-        return finish(self.qvi, self.best, certificate, way.method, inner, self.attempts, timings)
-
-    def _best_of(self, *ways: Way, why: str = "") -> tuple[Certificate, dict[str, float]]:
-        """Run the entries until an outcome passes: the certificate of the best outcome, and seconds by name."""
+    def try_ways(self, *ways: Way, why: str = "") -> bool:
+        """Run entries of one method until an outcome passes; whether one did. A failed factorisation is an outcome."""
         qvi, tolerance, method = self.qvi, self.settings.tolerance, ways[0].method
         report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
-        self.best, certificate = None, None
+        best, certificate = None, None
         if qvi.m and qvi.n:
             tries = chain.from_iterable(tried(self) for way in ways for tried in way.tries)
         else:
@@ -283,40 +259,39 @@ class Search:
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # divergence becomes a status
                 for attempt, outcome in tries:
-                    before, new_certificate = time.perf_counter(), None
-                    if self.best is not None or outcome.reason is not Status.ILL_CONDITIONED:
-                        new_certificate = outcome.certified(qvi, tolerance)
-                        attempt = attempt._replace(status=certified_status(attempt.status, new_certificate))
+                    before, new = time.perf_counter(), None
+                    if best is not None or outcome.reason is not Status.ILL_CONDITIONED:
+                        new = outcome.certified(qvi, tolerance)
+                        attempt = attempt._replace(status=certified_status(attempt.status, new))
                     certifying += time.perf_counter() - before
                     self.attempts += (attempt._replace(reason=attempt.reason or why),)
-                    certificate = self._keep(outcome, new_certificate, certificate)
+                    if best is None or certificate is None or new is None or new.accuracy < certificate.accuracy:
+                        self.best = best = outcome
+                        certificate = new
+                    else:
+                        best.history, best.iterations = outcome.history, outcome.iterations  # of all, whichever is best
+                        if outcome.reason is Status.TIME_LIMIT and best.reason is not Status.SOLVED:
+                            best.reason, best.message = outcome.reason, ""
                     if certificate is not None and certificate.passed:
                         break
         except (FactorisationError, MemoryError) as error:
             reason = error.reason if isinstance(error, FactorisationError) else "memory"
-            nothing = Outcome.nothing(qvi, _FAILURES[reason], str(error) or "out of memory")
-            self.best, certificate = dataclasses.replace(nothing, hopeless=True), None
-            self.attempts += (Attempt(method, why, nothing.reason, 0),)
-        best, before = self.best, time.perf_counter()
+            message, certificate = str(error) or "out of memory", None
+            best = Outcome.nothing(qvi, _FAILURES[reason], message, hopeless=True)
+            self.attempts += (Attempt(method, why, best.reason, 0),)
         assert best is not None
-        certificate = certificate or best.certified(qvi, tolerance)
+        before = time.perf_counter()
+        self.method, self.best, self.certificate = method, best, certificate or best.certified(qvi, tolerance)
         certifying += time.perf_counter() - before
         seconds = time.perf_counter() - began - best.setup - certifying
-        return certificate, {"setup": best.setup, "solve": seconds, "certificate": certifying}
+        self.timings = {"setup": best.setup, "solve": seconds, "certificate": certifying}
+        return self.certificate.passed
 
-    def _keep(self, outcome: Outcome, new: Certificate | None, certificate: Certificate | None) -> Certificate | None:
-        """Keep the better of the best outcome, with its certificate, and a new one; returns the certificate kept.
-
-        An outcome without certificate is replaced, and replaces the best.
-        """
-        best = self.best
-        if best is None or certificate is None or new is None or new.accuracy < certificate.accuracy:
-            self.best = outcome
-            return new
-        best.history, best.iterations = outcome.history, outcome.iterations  # of all runs, whichever is best
-        if outcome.reason is Status.TIME_LIMIT and best.reason is not Status.SOLVED:
-            best.reason, best.message = outcome.reason, ""
-        return certificate
+    def solution(self) -> QVISolution:
+        """The solution of the last method that ran, from its best outcome."""
+        assert self.best is not None
+        inner = self.inner if self.method == "fixed-point" else ""
+        return finish(self.qvi, self.best, self.certificate, self.method, inner, self.attempts, self.timings)
 
     def fallen_back(self, first: QVISolution) -> QVISolution:
         """The solution of the first other method that passes, or else the better solution, with a remark.
@@ -339,7 +314,8 @@ class Search:
                 self._given["max_iterations"] = limit - first.iterations
             report(Progress(way.method, remark=tried))
             with deadline(seconds):
-                last, subject = self.by(way, why=tried), way.subject
+                self.try_ways(way, why=tried)
+                last, subject = self.solution(), way.subject
             if last.solved:
                 break
         better = last.certificate.accuracy < first.certificate.accuracy
@@ -366,11 +342,11 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
 
     with qvi.stiffness.using(settings.factorisation, settings.threads), listening(hear) if callback else nullcontext():
         search = Search(qvi, settings, initial)
-        chosen = [way for way in ATTEMPTS if way.method == settings.chosen]
-        if not settings.by_default:
-            return search.by(*chosen)
-        solution = None if settings.options.keys() - _METHOD_FREE_OPTIONS else search.first()
-        return solution or search.fallen_back(search.by(*chosen))
+        first, is_free = ATTEMPTS[0], settings.by_default and not settings.options.keys() - _METHOD_FREE_OPTIONS
+        if is_free and first.serves(qvi) and search.try_ways(first):
+            return search.solution()
+        search.try_ways(*(way for way in ATTEMPTS if way.method == settings.chosen))
+        return search.fallen_back(search.solution()) if settings.by_default else search.solution()
 
 
 # Other solutions of a problem. With friction the solution of (D2) need not be unique, and a method always finds the
@@ -423,19 +399,14 @@ def traction_difference(one: QVISolution, other: QVISolution) -> float:
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:
-    """The last state of each path, until the time is over. Paths from the same friction share their first state."""
-    begun: dict[float, QVISolution] = {}
+    """The last state of each path, until the time is over."""
     qvi, tolerance = solution.problem, solution.certificate.tolerance
     for first, count in WAYS:
         state = None
         for factor in np.linspace(first, 1.0, count + 1):
             if deadline.over:
                 return
-            if factor == first and first in begun:
-                step = begun[first]
-            else:
-                scaled_qvi = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
-                step = solve_qvi(scaled_qvi, "condensed", tolerance=tolerance, initial=state)
-                begun.setdefault(first, step)
+            scaled_qvi = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
+            step = solve_qvi(scaled_qvi, "condensed", tolerance=tolerance, initial=state)
             state = step if step.solved else state
         yield step

@@ -134,7 +134,7 @@ def local_problem(qvi: FrictionQVI) -> LocalProblem:
         raise InputError("cohesion", float(qvi.cohesion.max()), remedy)
     if np.isfinite(qvi.cap).any():
         raise InputError("cap", float(qvi.cap.min()), remedy)
-    nothing = FullForm(qvi, np.zeros(qvi.m, dtype=np.bool_), np.zeros(0, dtype=np.int64))
+    nothing = FullForm(qvi, np.zeros(qvi.m, dtype=np.bool_), np.zeros(0, dtype=np.int64), np.zeros(0))
     condensed = CondensedForm(nothing).problem
     rows = condensed.contact_rows.toarray()
     root = np.sqrt(np.concatenate([qvi.W, qvi.W]))

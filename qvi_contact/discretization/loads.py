@@ -5,7 +5,7 @@ In `docs/theory.md`: (D1).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -238,7 +238,9 @@ def contact_rows(
     """All contacts in the order of the problem, after earlier slip; `InputError` where a field gives bad values."""
     contacts, start = [], 0
     for number, contact in enumerate(problem.contacts):
-        points = EdgePoints(space, problem.mesh.edges(contact.edges), rule.count)
+        edges = problem.mesh.edges(contact.edges)
+        key = space, rule.count, edges.number.tobytes()
+        points = problem.mesh.kept(EdgePoints, key, partial(EdgePoints, space, edges, rule.count))
         stop = start if contact.law == "tied" else start + len(points.weights)
         x, y = physical(problem, scales, points.coordinates)
         motion = np.zeros((2, len(x)))

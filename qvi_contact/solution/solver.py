@@ -151,7 +151,8 @@ def rescaled(discretization: Discretization, settings: Settings) -> Discretizati
 def _initial(initial: object, discretization: Discretization) -> Start | FloatArray:
     """The dimensionless state of an earlier result; only its pressure (m,) in the rows if its unknowns differ."""
     if isinstance(initial, ContactResult):
-        _ = initial.dofs  # raises InputError if there is no state
+        if not initial.has_state:
+            _ = initial.dofs  # raises InputError
         before, scales = initial.discretization.scales, discretization.scales
         start = Start.of(initial.solution, before.stress / scales.stress, before.displacement / scales.displacement)
         one, other = initial.discretization, discretization

@@ -61,7 +61,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import copysign, isfinite, sqrt
+from operator import itemgetter
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -71,7 +73,7 @@ from solvers.basics.checks import fraction, real_array
 from solvers.basics.types import Vector
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import largest
+from solvers.inequality.rows import largest, most
 
 # The measures: meaning, when to worry, and the limit  factor · tolerance^exponent.
 
@@ -192,34 +194,35 @@ class LawResiduals(NamedTuple):
     bipotential: float  # with its sign
 
 
-def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales: dict[str, float]) -> LawResiduals:
-    """All measures of the contact law of the QVI at z (n,) with row multipliers m_N, m_T (m,)."""
+def law_residuals(
+    qvi: FrictionQVI, tractions: Vector, m_N: Vector, m_T: Vector, scales: dict[str, float]
+) -> LawResiduals:
+    """All measures of the contact law of the QVI at tractions (2m,) with row multipliers m_N, m_T (m,)."""
     S, D, E = scales["stress"], scales["displacement"], scales["energy"]
-    sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
-    bound, is_unilateral = qvi.threshold(np.abs(sigma_N)), ~qvi.bilateral
-    lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
+    sigma_N, sigma_T = tractions[: qvi.m], tractions[qvi.m :]
+    law, W, is_unilateral = qvi.law, qvi.W, ~qvi.bilateral
+    bound, size_T = law.threshold(np.abs(sigma_N)), np.abs(m_T)
     # Works of gaps and slips, both counted up to the limit.
-    work_T = np.abs(m_T) * bound - m_T * sigma_T
-    limit = _LARGEST_GAP * E / (S * (float(qvi.W.sum()) or 1.0)) * qvi.W
-    limited_N, limited_work_T = np.minimum(m_N, limit), work_T * limit / np.maximum(np.abs(m_T), limit)
+    work_T = size_T * bound - m_T * sigma_T
+    limit = _LARGEST_GAP * E / (S * (float(W.sum()) or 1.0)) * W
+    limited_N, limited_work_T = np.minimum(m_N, limit), work_T * limit / np.maximum(size_T, limit)
     bipotential = float(limited_work_T.sum() - limited_N @ sigma_N)
     # Projections on the law after a step along the displacements.
+    lambda_N, lambda_T = m_N / W, m_T / W
     shifted_N, shifted_T = sigma_N + S / D * lambda_N, sigma_T + S / D * lambda_T
     projected_N = np.where(is_unilateral, np.minimum(shifted_N, 0.0), shifted_N)
-    augmented = qvi.threshold(np.abs(np.where(is_unilateral, projected_N, sigma_N)))
+    augmented = law.threshold(np.abs(np.where(is_unilateral, projected_N, sigma_N)))
     natural_T, augmented_T = (sigma_T - np.minimum(np.maximum(shifted_T, -thr), thr) for thr in (bound, augmented))
     natural_N = np.abs(sigma_N - projected_N)
-    # Multipliers of the wrong sign.
-    wrong_N = np.where(is_unilateral, np.maximum(-lambda_N, 0.0), np.abs(lambda_N))
-    wrong_T = np.maximum(-lambda_T * sigma_T, 0.0)
+    wrong_N = np.where(is_unilateral, -lambda_N, np.abs(lambda_N))  # multipliers of the wrong sign
     measures = {
-        "normal": largest(np.where(is_unilateral, np.maximum(sigma_N, 0.0), 0.0)) / S,
-        "friction": largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
-        "sign": max(largest(wrong_N) / D, largest(wrong_T) / (S * max(D, largest(lambda_T)))),
+        "normal": most(sigma_N[is_unilateral]) / S,
+        "friction": most(np.abs(sigma_T) - bound) / S,
+        "sign": max(most(wrong_N) / D, most(-lambda_T * sigma_T) / (S * max(D, largest(lambda_T)))),
         "complementarity_normal": float(np.abs(limited_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(limited_work_T).sum()) / E,
-        "natural_map": max(largest(natural_N), largest(natural_T)) / S,
-        "alart_curnier": largest(np.maximum(natural_N, np.abs(augmented_T)) / (1.0 + qvi.mu)) / S,
+        "natural_map": max(most(natural_N), largest(natural_T)) / S,
+        "alart_curnier": most(np.maximum(natural_N, np.abs(augmented_T)) / (1.0 + law.mu)) / S,
         "bipotential": abs(bipotential) / E,
     }
     return LawResiduals(measures, float(work_T.sum() - np.maximum(limited_N, 0.0) @ sigma_N), bipotential)
@@ -268,31 +271,30 @@ class Certificate:
     signed: Mapping[str, float] = field(default_factory=dict)
     """Name → value with its sign, for "energy_gap" and "bipotential"."""
 
-    @cached_property
-    def limits(self) -> dict[str, float]:
+    @property
+    def limits(self) -> Mapping[str, float]:
         """Measure → its largest value that passes, see `Measure`."""
-        return {measure.name: measure.limit(self.tolerance) for measure in MEASURES}
+        return _limits(self.tolerance)
 
     @cached_property
     def passed(self) -> bool:
         """Whether every measure is within its limit."""
         return all(self.measures[name] <= limit for name, limit in self.limits.items())
 
-    @cached_property
+    @property
     def accuracy(self) -> float:
         """The smallest tolerance at which the certificate would pass."""
-        return max(self._needed.values())
+        return self._worst[0]
 
     @property
     def worst(self) -> str:
         """Name of the measure that determines `accuracy`."""
-        needed = self._needed
-        return max(needed, key=needed.__getitem__)
+        return self._worst[1]
 
     @cached_property
-    def _needed(self) -> dict[str, float]:
+    def _worst(self) -> tuple[float, str]:
         values = self.measures  # a certificate read from a file may lack some
-        return {measure.name: measure.needed(values.get(measure.name, np.inf)) for measure in MEASURES}
+        return max(((each.needed(values.get(each.name, np.inf)), each.name) for each in MEASURES), key=itemgetter(0))
 
     def rows(self) -> tuple[CertificateRow, ...]:
         """The rows of the table."""
@@ -316,6 +318,11 @@ class Certificate:
             f"certificate {verdict} at {self.tolerance:.0e}: accuracy {self.accuracy:.1e}, "
             f"limited by {self.worst} = {self.measures[self.worst]:.1e}"
         )
+
+
+@lru_cache(maxsize=1)
+def _limits(tolerance: float) -> Mapping[str, float]:
+    return MappingProxyType({measure.name: measure.limit(tolerance) for measure in MEASURES})
 
 
 def certify(
@@ -361,19 +368,19 @@ def certify(
         return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
     with np.errstate(over="ignore", invalid="ignore"):
         measures, scales, signed = _measure(qvi, *vectors.values())
-    finite = {name: float(value) if np.isfinite(value) else np.inf for name, value in measures.items()}
-    return Certificate(finite, tolerance, scales, {name: float(v) for name, v in signed.items() if np.isfinite(v)})
+    finite = {name: value if isfinite(value) else np.inf for name, value in measures.items()}
+    return Certificate(finite, tolerance, scales, {name: v for name, v in signed.items() if isfinite(v)})
 
 
 def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) -> tuple[dict[str, float], ...]:
     """Measures, scales, and the measures that have a sign with it; the module's docstring has the formulas."""
-    body, gradient = qvi.state(z)
-    scales = scales_at(qvi, z, body)
+    (body, gradient), tractions = qvi.state(z), qvi.tractions(z)
+    scales = scales_of(qvi, tractions, body)
     S, E, E_b = scales["stress"], scales["energy"], scales["body_energy"]
-    K, N, T, A = qvi.stiffness.K, qvi.contact.N, qvi.contact.T, qvi.contact.A
-    residual = gradient + N.T @ m_N + T.T @ m_T + A.T @ nu
+    K, B, A = qvi.stiffness.K, qvi.contact.rows, qvi.contact.A
+    residual = gradient + B.T @ np.concatenate([m_N, m_T]) + A.T @ nu
     error, delta_nu = qvi.linear_system.solve(residual)  # K⁻¹ρ and δν
-    square, body_norm = float(residual @ error), float(np.sqrt(2.0 * E_b))
+    square, body_norm = float(residual @ error), sqrt(2.0 * E_b)
     # Rows of A z = b over their scales B, and the work of δν on B.
     equality = conjugate = 0.0
     if qvi.p:
@@ -384,26 +391,27 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
         equality = largest(violation / np.where(sizes > 0.0, sizes, 1.0))
         conjugate = largest(delta_nu * sizes) / E
     # The error of z for its multipliers: in the energy norm, and in the contact tractions.
-    energy = float(np.sqrt(abs(square))) / body_norm
+    energy = sqrt(abs(square)) / body_norm
     if qvi.root is not None and energy > _ROUNDING_FREE:
         scales["rounding"] = min(qvi.root.rounding(z) / body_norm, _ROUNDING_LIMIT)
         energy = max(energy - scales["rounding"], 0.0)
-    tractions = max(largest(N @ error), largest(T @ error)) / S
+    error_tractions = B @ error
     # The residual of the linear solve; this norm is below its energy norm times √(entries of a row).
     unsolved = _diagonal_norm(qvi, residual - K @ error - A.T @ delta_nu) / body_norm
     # |ρ|² for max(m_N, 0) in place of m_N: the residual changes by Nᵀ(max(m_N, 0) − m_N).
     change = np.maximum(m_N, 0.0) - m_N
     if change.any():
-        square += 2.0 * float(change @ (N @ error)) + float(change @ qvi.linear_system.relief(N)(change))
-    law = law_residuals(qvi, z, m_N, m_T, scales)
+        relief = qvi.linear_system.relief(qvi.contact.N)(change)
+        square += 2.0 * float(change @ error_tractions[: qvi.m]) + float(change @ relief)
+    law = law_residuals(qvi, tractions, m_N, m_T, scales)
     gap = law.work + 0.5 * abs(square)
     measures = {
         "equality": equality,
-        "stationarity": max(energy, tractions, conjugate, unsolved),
+        "stationarity": max(energy, largest(error_tractions) / S, conjugate, unsolved),
         "energy_gap": (abs(law.work) + 0.5 * abs(square)) / E_b,
         **law.measures,
     }
-    signed = {"energy_gap": float(np.copysign(measures["energy_gap"], gap)), "bipotential": law.bipotential / E}
+    signed = {"energy_gap": copysign(measures["energy_gap"], gap), "bipotential": law.bipotential / E}
     return measures, scales, signed
 
 
@@ -425,18 +433,20 @@ def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
             reference = min(reference, bonded)
         if body <= _UNLOADED_BODY**2 * reference:
             body, least = reference, _UNLOADED_BODY
-    stress = float(np.sqrt(body * stiffness / length))
+    stress = sqrt(body * stiffness / length)
     return body, stress, least * stress
 
 
-def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[str, float]:
-    """Scales "stress", "displacement", "energy" of the contact and "body_energy" of the whole state z.
+def scales_at(qvi: FrictionQVI, z: Vector) -> dict[str, float]:
+    """The scales "stress", "displacement", "energy" of the contact and "body_energy" of the state z (n,)."""
+    return scales_of(qvi, qvi.tractions(z), qvi.state(z)[0])
 
-    `body` is the strain energy at z, if it is known already.
-    """
+
+def scales_of(qvi: FrictionQVI, tractions: Vector, body: float) -> dict[str, float]:
+    """`scales_at` for a state with these tractions (2m,) and the strain energy `body`."""
     length, stiffness = _contact_scales(qvi)
-    body, body_stress, least = body_scales(qvi, qvi.state(z)[0] if body is None else body)
-    stress = largest(qvi.tractions(z))
+    body, body_stress, least = body_scales(qvi, body)
+    stress = largest(tractions)
     stress = (body_stress if stress <= least else stress) or 1.0
     displacement = stress / stiffness
     body = body if body > 0.0 else 1.0
@@ -447,4 +457,4 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
 def _diagonal_norm(qvi: FrictionQVI, residual: Vector) -> float:
     """√(Σ r_i² / K_ii) of a residual or load (n,)."""
     diagonal = qvi.stiffness.diagonal
-    return float(np.sqrt(np.sum(residual**2 / np.where(diagonal > 0.0, diagonal, 1.0))))
+    return sqrt(residual @ (residual / np.where(diagonal > 0.0, diagonal, 1.0)))

@@ -36,6 +36,9 @@ _LEAST_VIOLATION = 1e-9
 LARGEST = 4000
 """Rows of G up to which the linear program is solved; it takes 25 ms for 400 rows, and 2 s for this many."""
 
+PROOF_SECONDS = 2.0
+"""Time limit of a proof by which an iteration decides whether to go on; the largest programs need as long."""
+
 _PROVED = "no admissible traction carries the load, proved by multipliers (Farkas) checked on the data"
 
 

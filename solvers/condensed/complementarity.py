@@ -24,12 +24,11 @@ from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate.certificate import body_scales
 from solvers.condensed.systems import SLOTS, USUAL_PATHS, Coordinates, Expansion, NewtonSystem, PathWeights
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, scaled
+from solvers.inequality.rows import Rows, basis, dense, largest, scaled, stored
 
 _EPSILON = float(np.finfo(np.float64).eps)
 _ROUNDINGS = 16.0  # a residual up to this many ε times the terms of its sum is rounding
 _START_STRESS = 1e-3  # least scale of stress before the first correction, over `stress`
-_DENSE_SHARE = 0.1  # share of full rows from which products with a sparse matrix are slower than with a dense one
 
 
 class Complementarity:
@@ -126,12 +125,8 @@ class Complementarity:
 
     def _summing(self, entries: Vector) -> Rows:
         """The matrix (t, q) with an entry for each bound in the row of its traction."""
-        shape, columns = (len(self.bounds), len(entries)), np.arange(len(entries))
-        if not are_few(*shape):
-            return csr_array((entries, (self.traction, columns)), shape)
-        matrix = np.zeros(shape)
-        matrix[self.traction, columns] = entries
-        return matrix
+        places = self.traction, np.arange(len(entries))
+        return stored(csr_array((entries, places), (len(self.bounds), len(entries))))
 
     def _lay_out_rows(self) -> None:
         """Rows of tractions and bounds in the free coordinates."""
@@ -342,7 +337,7 @@ class Equations:
             rows.data[np.abs(rows.data) < 1e-14 * np.abs(rows.data).max(initial=0.0)] = 0.0
             rows.eliminate_zeros()
             touched = np.unique(rows.indices).astype(np.int64)
-            independent = echelon(rows[:, touched]).rows
+            independent = basis(rows[:, touched]).rows
             if len(independent) < len(touched):
                 self._equation_points = self._points[independent]
                 self._A = np.vstack([self._A, rows[independent].toarray()])
@@ -368,14 +363,9 @@ class Equations:
         pivot_rows = np.zeros((rank, n_free))
         if rank:
             pivot_rows[:, np.searchsorted(self.free, free)] = -solve_triangular(self._R, R[:rank, rank:])
-        if are_few(size, n_free) or rank > _DENSE_SHARE * size:
-            self.map: Rows = np.zeros((size, n_free))
-            self.map[self.free, columns] = 1.0
-            self.map[self._pivots] = pivot_rows
-        else:
-            shape, places = (size, n_free), (np.repeat(self._pivots, n_free), np.tile(columns, rank))
-            identity = csr_array((np.ones(n_free), (self.free, columns)), shape)
-            self.map = csr_array(identity + csr_array((pivot_rows.ravel(), places), shape))
+        shape, places = (size, n_free), (np.repeat(self._pivots, n_free), np.tile(columns, rank))
+        identity = csr_array((np.ones(n_free), (self.free, columns)), shape)
+        self.map: Rows = stored(identity + csr_array((pivot_rows.ravel(), places), shape))
 
     def offset(self, b: Vector, tangential: Vector) -> Vector:
         """y₀ (k,): the solution of A y = b and σ_T = 0 with u = 0, for the shear `tangential` (m,) at y = 0."""

@@ -120,14 +120,12 @@ class DenseCoordinates:
         return float(np.sqrt(abs(y @ (self.stiffness @ y))))
 
     def base(self, z: Vector) -> Expansion:
-        """The expansion about z, by one gradient and one forward elimination; for z = 0 they are kept."""
-        qvi = self._qvi
+        """The expansion about z, by one gradient and one elimination."""
+        qvi, factor = self._qvi, self._system.factor
         strain, gradient = qvi.state(z)
-        if z.any():
-            reduced, state = self._system.factor.reduce(-gradient)
-            energy = qvi.energy(z)  # the interior is in equilibrium at such a z
-        else:
-            reduced, state, energy = qvi.bonded_state.at_rest  # they do not depend on the contact law
+        reduced, state = factor.reduce(-gradient)
+        step = factor.expand(state, np.zeros(len(reduced)))  # of the interior to equilibrium, z_Γ fixed
+        energy = qvi.energy(z) + 0.5 * float(gradient @ step)
         c = -self._scale * self._coordinates.from_unknowns(reduced)
         return Expansion(z, c, qvi.b - qvi.contact.A @ z, qvi.tractions(z), -reduced, strain, energy, state)
 

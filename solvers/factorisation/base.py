@@ -78,12 +78,6 @@ class Factorisation(ABC):
         x[self.interface] = values
         return x
 
-    def square(self, state: State) -> float:
-        """g_Iᵀ K_II⁻¹ g_I for the state of g (n,): twice the energy released by the interior if Γ is fixed."""
-        y = np.array(state)
-        y[self.interface] = 0.0
-        return float(y @ y)  # y = L⁻¹ g_I, K_II = L Lᵀ
-
     def _with_values(self, state: State, values: Vector | Matrix) -> State:
         """A copy of a state with x_Γ in place of g̃ on Γ."""
         start = np.array(state, order="F")

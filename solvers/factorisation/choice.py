@@ -183,10 +183,6 @@ class Request(NamedTuple):
             usable("factorisation", canonical, OTHERS)
         return cls(canonical, None if threads is None else whole_number("threads", threads, _MOST_THREADS))
 
-    def fits(self, factor: Factorisation) -> bool:
-        """Whether an earlier factorisation meets the request."""
-        return self.name in ("auto", factor.backend)
-
 
 def condensing_pays(K: Sparse | Matrix, interface: int) -> bool:
     """Whether a dense matrix of the interface is factorised in less time than a sparse unsymmetric one like K.

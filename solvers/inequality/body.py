@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -15,7 +16,7 @@ import numpy as np
 
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.factorisation.base import Factorisation, State, limited_blas
+from solvers.factorisation.base import Factorisation, limited_blas
 from solvers.factorisation.choice import Refactorisation, Request, condensing_pays, factorise, refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import Columns, by_columns, checked_matrix, checked_vector, generic_vector
@@ -132,7 +133,7 @@ class Stiffness(PicklesFields):
             return
         outer_request, results.request = results.request, request
         try:
-            if results.factor is not None and not request.fits(results.factor):
+            if results.factor is not None and request.name not in ("auto", results.factor.backend):
                 results.factor = results.condensed = None
             with limited_blas(request.threads or 1):  # on busy machines more threads are slower by far
                 yield
@@ -156,8 +157,6 @@ class Stiffness(PicklesFields):
 
 _CANCELLED = 1e-24  # strain energy, over that at z = 0, below which it is rounding, as all loads cancel
 _NOISE = 300.0  # error of R z over the bound of the rounding of z: solutions of linear systems have more than z
-_MOST_CORRECTIONS = 30  # defect corrections of the bonded solution
-_LEAST_CORRECTION = 1e-16  # size of a correction, over the solution, in the energy norm, not worth computing
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,127 +183,82 @@ class Loads(PicklesFields):
         for name in ("f", "n0", "t0", "b", *(() if self.load is None else ("load",))):
             object.__setattr__(self, name, checked_vector(name, getattr(self, name)))
 
-    def energy(self, stiffness: Stiffness) -> Energy:
-        """The energy of a body under these loads, kept for the last stiffness."""
-        energy: Energy | None = self.__dict__.get("_energy")
-        if energy is None or energy.K is not stiffness.K:
-            energy = self.__dict__["_energy"] = Energy(stiffness.K, self.f, self.root, self.load)
-        return energy
+    @cached_property
+    def tractions(self) -> Vector:
+        """Tractions (n0, t0) (2m,) at z = 0."""
+        return np.concatenate([self.n0, self.t0])
 
-    def bonded(self, condensed: CondensedContact, energy: Energy) -> BondedState:
-        """The bonded state, kept for the last condensed contact."""
-        bonded: BondedState | None = self.__dict__.get("_bonded")
-        if bonded is None or bonded.condensed is not condensed:
-            bonded = self.__dict__["_bonded"] = BondedState(condensed, energy, self.b)
-        return bonded
+    @cached_property
+    def at_rest(self) -> float:
+        """Strain energy ½|r₀|² at z = 0."""
+        r = np.zeros(1) if self.root is None else self.root.apply(np.zeros(len(self.f)))
+        return 0.5 * float(r @ r)
 
-
-@dataclass(frozen=True, eq=False)
-class Energy:
-    """The energy ½ zᵀKz − fᵀz; with root and load its gradient and strain energy are computed by them."""
-
-    K: Columns
-    f: Vector
-    root: EnergyRoot | None = None
-    load: Vector | None = None
-
-    def value(self, z: Vector) -> float:
-        """½ zᵀKz − fᵀz."""
-        return float(0.5 * z @ (self.K @ z) - self.f @ z)
-
-    def state(self, z: Vector) -> tuple[float, Vector]:
+    def state(self, K: Columns, z: Vector) -> tuple[float, Vector]:
         """Strain energy ½|r(z)|² and gradient Rᵀr(z) − load (n,); without a root ½ zᵀKz and K z − f."""
         if not z.any():
-            return self.at_zero
+            return self.at_rest, 0.0 - self.f  # without negative zeros
         if self.root is None or self.load is None:
-            force = self.K @ z
+            force = K @ z
             return 0.5 * float(z @ force), np.asarray(force - self.f)
         r = self.root.apply(z)
         return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
 
-    @cached_property
-    def at_zero(self) -> tuple[float, Vector]:
-        """Strain energy ½|r₀|² and gradient −f at z = 0, kept, as every solve needs them several times."""
-        gradient = 0.0 - self.f  # without negative zeros
-        gradient.setflags(write=False)
-        r = np.zeros(1) if self.root is None else self.root.apply(np.zeros(len(self.f)))
-        return 0.5 * float(r @ r), gradient
+    def bonded(self, K: Columns, condensed: CondensedContact) -> BondedState:
+        """The bonded state, kept for the last condensed contact."""
+        bonded: BondedState | None = self.__dict__.get("_bonded")
+        if bonded is None or bonded.condensed is not condensed:
+            # of a copy, so that no circle of references keeps a factorisation
+            bonded = self.__dict__["_bonded"] = BondedState(K, condensed, copy(self))
+        return bonded
 
 
 class BondedState:
-    """Minimiser of an energy under A z = b alone: the contact neither opens nor slips."""
+    """Minimiser of the energy under A z = b alone: the contact neither opens nor slips."""
 
-    def __init__(self, condensed: CondensedContact, energy: Energy, b: Vector) -> None:
-        self.condensed, self.energy, self._b = condensed, energy, b
+    def __init__(self, K: Columns, condensed: CondensedContact, loads: Loads) -> None:
+        self._K, self.condensed, self._loads = K, condensed, loads
 
-    @property
-    def z(self) -> Vector:
-        """The unknowns (n,), by defect corrections."""
-        return self._corrected[0]
+    @cached_property
+    def corrected(self) -> tuple[Vector, Vector, float]:
+        """The unknowns (n,), ν (p,) and the size of the last defect correction, see `CondensedContact.corrected`."""
+        (z, nu), loads = self._first, self._loads
+        size = float(np.sqrt(abs(z @ loads.f - loads.b @ nu)))
+        return self.condensed.corrected(self._gradient, loads.b, z, nu, size)
 
     @cached_property
     def strain_energy(self) -> float:
-        """Strain energy of z; 0 if it is rounding, since all loads cancel."""
-        energy, root = self._rounded_energy(self.energy.state(self.z)[0]), self.energy.root
-        noise = 0.0 if root is None else _NOISE * root.rounding(self.z)
+        """Strain energy of the state; 0 if it is rounding, since all loads cancel."""
+        z, root = self.corrected[0], self._loads.root
+        energy = self._rounded_energy(self._loads.state(self._K, z)[0])
+        noise = 0.0 if root is None else _NOISE * root.rounding(z)
         return energy if energy > noise**2 / 2.0 else 0.0
 
     @cached_property
     def error(self) -> float:
         """Size of the last defect correction over z, in the energy norm; 0 without a root."""
-        if self.energy.root is None or self.strain_energy == 0.0:
+        if self._loads.root is None or self.strain_energy == 0.0:
             return 0.0
-        return self._corrected[1][-1] / float(np.sqrt(2.0 * self.strain_energy))
+        return self.corrected[2] / float(np.sqrt(2.0 * self.strain_energy))
 
     @cached_property
     def rough_stress(self) -> float:
         """√(2 × strain energy) by one linear solve without corrections: a scale, accurate to few digits."""
         return float(np.sqrt(2.0 * self._rounded_energy(self._first_state[0])))
 
-    @cached_property
-    def at_rest(self) -> tuple[Vector, State, float]:
-        """`Factorisation.reduce` of −gradient(0), and the energy for z_Γ = 0 with the interior in equilibrium."""
-        reduced, state = self._eliminated
-        return reduced, state, -0.5 * self.condensed.system.factor.square(state)
-
-    @cached_property
-    def _eliminated(self) -> tuple[Vector, State]:
-        return self.condensed.system.factor.reduce(-self.energy.at_zero[1])
-
     def _rounded_energy(self, energy: float) -> float:
         """A strain energy; 0 if it is rounding."""
-        return energy if energy > _CANCELLED * self.energy.at_zero[0] else 0.0
+        return energy if energy > _CANCELLED * self._loads.at_rest else 0.0
 
     @cached_property
-    def _first(self) -> Vector:
-        """The bonded solution (n,) by one linear solve, without corrections."""
-        (reduced, state), system = self._eliminated, self.condensed.system
-        return np.asarray(system.factor.expand(state, system.solve_interface(reduced, self._b)[0]))
+    def _first(self) -> tuple[Vector, Vector]:
+        """The bonded solution (n,) and ν (p,) by one linear solve, without corrections."""
+        return self.condensed.system.solve(self._loads.f, self._loads.b)
 
     @cached_property
     def _first_state(self) -> tuple[float, Vector]:
         """Strain energy and gradient at `_first`."""
-        return self.energy.state(self._first)
+        return self._loads.state(self._K, self._first[0])
 
-    def _size(self, step: Vector) -> float:
-        """Energy norm √(dzᵀK dz) of a step dz (n,)."""
-        return float(np.sqrt(abs(step @ (self.energy.K @ step))))
-
-    @cached_property
-    def _corrected(self) -> tuple[Vector, list[float]]:
-        """The bonded solution (n,), and the energy norms of the first solve and of the defect corrections.
-
-        The corrections end when one is tiny, or when one is not below half the one before; that one is not added.
-        """
-        system, z, gradient = self.condensed.system, self._first, self._first_state[1]
-        sizes = [self._size(z)]
-        for _ in range(_MOST_CORRECTIONS):
-            step = system.solve(-gradient, self._b - self.condensed.contact.A @ z)[0]
-            sizes.append(self._size(step))
-            if not sizes[-1] < 0.5 * sizes[-2]:
-                break
-            z = z + step
-            if sizes[-1] ** 2 <= _LEAST_CORRECTION * sizes[0] * sizes[-2]:  # by linear convergence the next one is tiny
-                break
-            gradient = self.energy.state(z)[1]
-        return z, sizes
+    def _gradient(self, z: Vector) -> Vector:
+        return self._first_state[1] if z is self._first[0] else self._loads.state(self._K, z)[1]

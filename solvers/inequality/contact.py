@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
-from scipy.sparse import csc_array, csr_array, eye_array, vstack
+from scipy.sparse import csc_array, eye_array, vstack
 
 from solvers.basics.linked import lowest_linked
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
@@ -36,6 +36,8 @@ _POWER_STEPS = 10
 # Share of other waves in the first vector of the power iteration, which is uniform: if equilibrium fixes the uniform
 # traction, its relief is rounding alone.
 _WAVE_SHARE = 1e-8
+_MOST_CORRECTIONS = 30
+_LEAST_CORRECTION = 1e-12  # size of a correction, over that of the first step, not worth computing
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +124,32 @@ class CondensedContact:
     def __init__(self, contact: ContactMatrices, factor: Factorisation) -> None:
         self.contact = contact
         self.system = EqualitySystem(contact.A, factor)
+        self._contraction = np.inf  # error of a solve over its size, in the energy norm, once it was measured
+
+    def corrected(
+        self, gradient: Callable[[Vector], Vector], b: Vector, z: Vector, nu: Vector, size: float
+    ) -> tuple[Vector, Vector, float]:
+        """The z (n,) and ν (p,) with gradient(z) + Aᵀν = 0 and A z = b, from those of a solve by a step of this `size`.
+
+        Defect corrections by the accurate gradient remove the rounding error of K. They end when the next one,
+        predicted from earlier ones, is below `_LEAST_CORRECTION`, or when one is not below half the one before, which
+        is not added. The third value is the size of the last one, or the prediction. Sizes are energy norms √(dzᵀK dz).
+        """
+        A, before, last = self.contact.A, size, self._contraction * size
+        predicted = last
+        for _ in range(_MOST_CORRECTIONS):
+            if predicted <= _LEAST_CORRECTION * size:
+                break
+            residual, violation = gradient(z) + A.T @ nu, b - A @ z
+            dz, dnu = self.system.solve(-residual, violation)
+            last = sqrt(abs(dz @ residual + violation @ dnu))
+            if not last < 0.5 * before:
+                break
+            z, nu, contraction = z + dz, nu + dnu, last / before
+            if self._contraction == np.inf:
+                self._contraction = contraction
+            before, predicted = last, contraction * last  # by linear convergence
+        return z, nu, last
 
     @cached_property
     def is_condensed(self) -> bool:
@@ -207,11 +235,11 @@ class EqualitySystem:
 
     def solve_interface(self, g: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
         """(x_Γ, ν) of the dense system for g (k,) or (k, j), the right-hand side on Γ after the elimination of I."""
-        g, A, factored = np.asarray(g), self.A, self._factored
+        g, A = np.asarray(g), self.A
         c = np.zeros((len(A), *g.shape[1:])) if c is None else np.asarray(c)
-        x, nu = factored.solve(g, c)
+        x, nu = self._solved(g, c)
         for _ in range(_REFINEMENTS if len(A) else 0):
-            dx, dnu = factored.solve(g - self.schur @ x - A.T @ nu, c - A @ x)
+            dx, dnu = self._solved(g - self.schur @ x - A.T @ nu, c - A @ x)
             x, nu = x + dx, nu + dnu
         return x, nu
 
@@ -220,9 +248,8 @@ class EqualitySystem:
 
         If Γ holds all unknowns of the rows, the dense system is enough; for a few rows the map is a matrix.
         """
-        if self._leaves_interface(rows):
-            sparse_rows = csr_array(rows)
-            return lambda m: np.asarray(sparse_rows @ self.solve(sparse_rows.T @ m)[0])
+        if not self.factor.keeps(columns_of(rows)):
+            return lambda m: np.asarray(rows @ self.solve(rows.T @ m)[0])
         interface_rows = self.on_interface(rows)
         if isinstance(interface_rows, np.ndarray):
             matrix = np.asarray(interface_rows @ self.solve_interface(interface_rows.T)[0])
@@ -230,30 +257,13 @@ class EqualitySystem:
         columns = transposed(interface_rows)
         return lambda m: np.asarray(interface_rows @ self.solve_interface(columns @ m)[0])
 
-    def _leaves_interface(self, rows: Columns) -> bool:
-        """Whether rows (j, n) have entries at interior unknowns."""
-        if isinstance(rows, np.ndarray):
-            return bool(np.count_nonzero(rows[:, self.interface]) < np.count_nonzero(rows))
-        return int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz
-
     @cached_property
-    def _factored(self) -> _Factored:
-        return _Factored.of(self.schur, self.A)
+    def _factors(self) -> tuple[float, Matrix, Matrix, Vector, Matrix]:
+        """[S Aᵀ; A 0] by Cholesky of S + ρ AᵀA, which changes neither x nor ν if ρ Aᵀc is added to the right-hand side.
 
-
-class _Factored(NamedTuple):
-    """[S Aᵀ; A 0] by Cholesky of S + ρ AᵀA, which changes neither x nor ν if ρ Aᵀc is added to the right-hand side."""
-
-    A: Matrix
-    rho: float
-    cholesky: Matrix
-    relief: Matrix  # (S + ρ AᵀA)⁻¹ Aᵀ
-    values: Vector
-    vectors: Matrix  # eigenvectors of A relief = A (S + ρ AᵀA)⁻¹ Aᵀ to the values that are not zero
-
-    @classmethod
-    def of(cls, S: Matrix, A: Matrix) -> _Factored:
-        rho = 0.0
+        ρ, the Cholesky factor, relief = (S + ρ AᵀA)⁻¹ Aᵀ, and eigenvalues of A relief that are not zero, with vectors.
+        """
+        S, A, rho = self.schur, self.A, 0.0
         if len(A) and len(S):
             square = A.T @ A
             rho = float(np.trace(S) / max(np.trace(square), np.finfo(float).tiny))
@@ -266,14 +276,15 @@ class _Factored(NamedTuple):
             relief = dpotrs(cholesky, A.T, lower=1)[0] if len(S) else A.T
             values, vectors = eigh(A @ relief)
         is_positive = values > _LEAST_EIGENVALUE * values.max(initial=0.0)
-        return cls(A, rho, cholesky, relief, values[is_positive], vectors[:, is_positive])
+        return rho, cholesky, relief, values[is_positive], vectors[:, is_positive]
 
-    def solve(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
-        """(x, ν), without iterative refinement."""
-        if not len(self.A):  # LAPACK directly: the checks of SciPy's `cho_solve` take longer than a small solve
-            return (np.asarray(dpotrs(self.cholesky, g, lower=1)[0]) if g.size else g), c
-        x = g + self.rho * self.A.T @ c
-        x = np.asarray(dpotrs(self.cholesky, x, lower=1)[0]) if g.size else x
-        weights = self.vectors.T @ (self.A @ x - c)
-        nu = self.vectors @ (weights / (self.values if g.ndim == 1 else self.values[:, None]))
-        return x - self.relief @ nu, nu
+    def _solved(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
+        """(x_Γ, ν), without iterative refinement."""
+        (rho, cholesky, relief, values, vectors), A = self._factors, self.A
+        if not len(A):  # LAPACK directly: the checks of SciPy's `cho_solve` take longer than a small solve
+            return (np.asarray(dpotrs(cholesky, g, lower=1)[0]) if g.size else g), c
+        x = g + rho * A.T @ c
+        x = np.asarray(dpotrs(cholesky, x, lower=1)[0]) if g.size else x
+        weights = vectors.T @ (A @ x - c)
+        nu = vectors @ (weights / (values if g.ndim == 1 else values[:, None]))
+        return x - relief @ nu, nu

@@ -14,9 +14,9 @@ import numpy as np
 
 from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.inequality.body import BondedState, Energy, EnergyRoot, Loads, Stiffness
+from solvers.inequality.body import BondedState, EnergyRoot, Loads, Stiffness
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
-from solvers.inequality.rows import checked_vector, largest, transposed
+from solvers.inequality.rows import checked_vector, transposed
 from solvers.inequality.traces import TractionFactor
 
 __all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stiffness"]
@@ -127,17 +127,16 @@ class FrictionQVI(PicklesFields):
                 remedy = f"give {kind.__name__}, or the arrays of a problem to FrictionQVI.from_arrays"
                 raise InputError(name, type(getattr(self, name)).__name__, remedy)
         n, m, p = self.n, self.m, self.p
-        expected: dict[str, tuple[int, ...]] = {
-            "f": (n,), "N": (m, n), "n0": (m,), "T": (m, n), "t0": (m,), "mu": (m,), "W": (m,),
-            "A": (p, n), "b": (p,), "cohesion": (m,), "cap": (m,), "bilateral": (m,),
-        }  # fmt: skip
-        if self.load is not None:
-            expected["load"] = (n,)
-        for name, shape in expected.items():
-            part = self.contact if name in ("N", "T", "A") else self
-            found = getattr(part, name).shape
-            if found != shape:
-                raise InputError(name, f"shape {found}", f"give shape {shape}, as K and N say")
+        expected: dict[object, dict[str, tuple[int, ...]]] = {
+            self.loads: {"f": (n,), "n0": (m,), "t0": (m,), "b": (p,), **({} if self.load is None else {"load": (n,)})},
+            self.contact: {"N": (m, n), "T": (m, n), "W": (m,), "A": (p, n)},
+            self.law: {"mu": (m,), "cohesion": (m,), "cap": (m,), "bilateral": (m,)},
+        }
+        for part, shapes in expected.items():
+            for name, shape in shapes.items():
+                found = getattr(part, name).shape
+                if found != shape:
+                    raise InputError(name, f"shape {found}", f"give shape {shape}, as K and N say")
         if p == 0:
             self.stiffness.check_diagonal(least=np.finfo(np.float64).tiny)
         _ = self.contact.rows  # checks the traces
@@ -211,7 +210,7 @@ class FrictionQVI(PicklesFields):
 
     def tractions(self, z: Vector) -> Vector:
         """Tractions (σ_N, σ_T) (2m,)."""
-        return np.concatenate([self.normal(z), self.tangential(z)])
+        return np.asarray(self.contact.rows @ z + self.loads.tractions)
 
     def pressure(self, z: Vector) -> Vector:
         """Contact pressure s = max(−(N z + n0), 0), at bilateral points |N z + n0| (m,)."""
@@ -223,24 +222,19 @@ class FrictionQVI(PicklesFields):
 
     def energy(self, z: Vector) -> float:
         """½ zᵀKz − fᵀz."""
-        return self.potential.value(z)
+        return float(0.5 * z @ (self.stiffness.K @ z) - self.loads.f @ z)
 
     def gradient(self, z: Vector) -> Vector:
         """Gradient of the energy (n,): Rᵀr(z) − load with an `EnergyRoot`, else K z − f."""
-        return self.potential.state(z)[1]
+        return self.state(z)[1]
 
     def state(self, z: Vector) -> tuple[float, Vector]:
         """The strain energy, ½|r(z)|² ≥ 0 with an `EnergyRoot`, else ½ zᵀKz, and the `gradient`."""
-        return self.potential.state(z)
+        return self.loads.state(self.stiffness.K, z)
 
     def resultant(self, z: Vector) -> float:
         """Σ W (N z + n0), the resultant normal force (negative in compression)."""
         return float(self.W @ self.normal(z))
-
-    @property
-    def potential(self) -> Energy:
-        """The energy of the body under the loads."""
-        return self.loads.energy(self.stiffness)
 
     @property
     def linear_system(self) -> EqualitySystem:
@@ -271,7 +265,7 @@ class FrictionQVI(PicklesFields):
     @property
     def bonded_state(self) -> BondedState:
         """The minimiser of the energy under A z = b alone, with its energy and error."""
-        return self.loads.bonded(self.stiffness.condensed(self.contact), self.potential)
+        return self.loads.bonded(self.stiffness.K, self.stiffness.condensed(self.contact))
 
     @property
     def bonded(self) -> Vector:
@@ -279,15 +273,12 @@ class FrictionQVI(PicklesFields):
 
         Defect corrections with `gradient` remove the rounding error of K.
         """
-        return self.bonded_state.z
+        return self.bonded_state.corrected[0]
 
 
 # The compliance of the body at the contact points: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T].
 #
 # As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
-
-_MOST_CORRECTIONS = 4
-_LEAST_CORRECTION = 1e-13  # traction, over the largest bonded one, below which a correction is not worth computing
 
 
 class Compliance:
@@ -309,23 +300,13 @@ class Compliance:
         self.dense = self._condensed.compliance
 
     def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
-        """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).
-
-        Defect corrections with `FrictionQVI.gradient` go on as long as they shrink.
-        """
-        qvi, system, rows = self.qvi, self._condensed.system, self.qvi.contact.rows
-        forces, interface_forces = rows.T @ m, transposed(self._condensed.interface_rows) @ m
-        z = qvi.bonded - system.factor.expand(np.zeros(qvi.n), system.solve_interface(interface_forces)[0])
-        scale = size = largest(self.bonded) or np.inf
-        for _ in range(_MOST_CORRECTIONS + 1):
-            correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
-            before, size = size, largest(rows @ correction)
-            if not size < 0.5 * before:
-                break
-            z = z + correction
-            if size * size <= _LEAST_CORRECTION * scale * before:  # by linear convergence the next one is that small
-                break
-        return z, nu
+        """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,)."""
+        qvi, condensed, (z, nu, _) = self.qvi, self._condensed, self.qvi.bonded_state.corrected
+        forces, interface_forces = qvi.contact.rows.T @ m, transposed(condensed.interface_rows) @ m
+        values, dnu = condensed.system.solve_interface(-interface_forces)
+        dz = condensed.system.factor.expand(np.zeros(qvi.n), values)
+        size = float(np.sqrt(abs(dz @ forces)))
+        return condensed.corrected(lambda z: qvi.gradient(z) + forces, qvi.b, z + dz, nu + dnu, size)[:2]
 
     def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """The state (z, m_N, m_T, ν) for the multipliers m (2m,), see `unknowns`."""

@@ -9,7 +9,6 @@ from heapq import heapify, heappop, heappush
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.linalg import qr
 from scipy.linalg.lapack import dgeqp3
 from scipy.sparse import csc_array, csr_array, diags_array, issparse
 
@@ -56,6 +55,11 @@ def stored(rows: Columns | SparseRows) -> Rows:
 def largest(vector: Vector) -> float:
     """Max |v|, 0 for an empty vector."""
     return float(np.maximum.reduce(np.abs(vector), initial=0.0))
+
+
+def most(vector: Vector) -> float:
+    """Max v, 0 for an empty or negative vector."""
+    return float(np.maximum.reduce(vector, initial=0.0))
 
 
 def dense(rows: Columns | SparseRows) -> Matrix:
@@ -124,21 +128,6 @@ _CANCELLATION = 1e-9  # a row reduced by elimination to less than this share of 
 _PIVOT_THRESHOLD = 0.1  # least size of a pivot over the largest entry of its row
 
 
-def independent_rows(B: Columns) -> tuple[Matrix, Sparse]:
-    """B = E Y with E (rows, r) and orthonormal rows Y (r, n) sparse."""
-    touched = columns_of(B)
-    rows = dense(B[:, touched])
-    lengths = np.linalg.norm(rows, axis=1)
-    lengths[lengths == 0.0] = 1.0
-    Q, R, order = qr((rows / lengths[:, None]).T, mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    r = int((diagonal > _LEAST_PIVOT * diagonal.max(initial=0.0)).sum())
-    E = np.empty((B.shape[0], r))
-    E[order] = R[:r].T
-    selection = csc_array((np.ones(len(touched)), (np.arange(len(touched)), touched)), (len(touched), B.shape[1]))
-    return E * lengths[:, None], csc_array(csc_array(Q[:, :r].T) @ selection)
-
-
 class Echelon(NamedTuple):
     """Linearly independent rows, in increasing order, and columns whose unit vectors complete them to a basis."""
 
@@ -146,11 +135,14 @@ class Echelon(NamedTuple):
     free: IntVector
 
 
-def basis_rows(Y: Matrix) -> Echelon:
-    """The basis of `echelon` for a small dense Y, by QR with pivoting: first of the rows, then of the columns.
+def basis(Y: Columns | SparseRows) -> Echelon:
+    """The basis of the rows Y: of a small matrix by QR with pivoting, first of the rows, then of the columns.
 
     The rank is decided once, by the rows: a second decision, by the columns, could differ by rounding.
     """
+    if not are_few(*Y.shape):
+        return echelon(csr_array(Y))
+    Y = dense(Y)
     lengths = np.linalg.norm(Y, axis=1)
     scaled = Y / np.where(lengths > 0.0, lengths, 1.0)[:, None]
     pivots, order = _by_qr(scaled.T)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array, csr_array, eye_array, hstack, vstack
 from scipy.sparse.linalg import splu
 
@@ -18,12 +17,10 @@ from solvers.errors import InputError
 from solvers.inequality.rows import (
     Columns,
     Rows,
-    are_few,
-    basis_rows,
+    basis,
     by_columns,
     checked_matrix,
     dense,
-    echelon,
     generic_vector,
     stored,
 )
@@ -73,15 +70,15 @@ class TraceCoordinates:
     interpolation: Rows
     """E (2m, k)."""
     _matrix: Rows
-    _factor: Any
+    _factor: Any  # of P; None without unknowns
 
     def from_unknowns(self, matrix: Matrix | Vector) -> Matrix | Vector:
         """P⁻ᵀ times a vector (k,) or matrix (k, j): from gradients by x to gradients by y."""
-        return np.asarray(self._factor.solve(matrix, "T"))
+        return np.asarray(self._factor.solve(matrix, "T")) if matrix.size else matrix
 
     def to_unknowns(self, y: Vector) -> Vector:
         """Unknowns x = P⁻¹ y (k,)."""
-        return np.asarray(self._factor.solve(y))
+        return np.asarray(self._factor.solve(y)) if y.size else y
 
     def from_values(self, x: Vector) -> Vector:
         """Y = P x (k,)."""
@@ -96,49 +93,19 @@ class TraceCoordinates:
 
 def trace_coordinates(traces: TractionFactor, interface: IntVector) -> TraceCoordinates:
     """Trace coordinates of the contact rows E Y (2m, n) on the unknowns `interface` (k,)."""
-    Y: Any = traces.rows[:, interface]
-    E: Any = traces.interpolation
-    k, is_small = len(interface), are_few(*Y.shape) and are_few(E.shape[0], len(interface))
-    Y, E = (dense(Y), dense(E)) if is_small else (csr_array(Y), by_columns(E))
+    Y, E, k = csr_array(traces.rows[:, interface]), by_columns(traces.interpolation), len(interface)
+    rows, free = basis(Y)
     # P: independent rows of Y, completed by unit vectors.
-    basis = basis_rows(Y) if is_small else echelon(Y)
-    P: Any
-    interpolation: Any
-    if is_small:
-        P = np.concatenate([Y[basis.rows], np.eye(k)[basis.free]])
-        interpolation = np.pad(E[:, basis.rows], ((0, 0), (0, len(basis.free))))
-    else:
-        P = stored(vstack([Y[basis.rows], eye_array(k, format="csr")[basis.free]], format="csr"))
-        zeros = csc_array((E.shape[0], len(basis.free)))
-        interpolation = hstack([E[:, basis.rows], zeros], format="csc")
-    factor: Any = _DenseFactor(P) if isinstance(P, np.ndarray) else splu(csc_array(P))
+    P = csr_array(vstack([Y[rows], eye_array(k, format="csr")[free]]))
+    factor: Any = splu(csc_array(P)) if k else None
+    interpolation = csc_array(hstack([E[:, rows], csc_array((E.shape[0], len(free)))]))
     # The other rows of Y as combinations of the coordinates.
-    dependent = np.setdiff1d(np.arange(Y.shape[0]), basis.rows)
-    dependent = dependent[abs(Y).sum(axis=1)[dependent] > 0.0]
-    if len(dependent):
+    dependent = np.setdiff1d(np.arange(Y.shape[0]), rows)
+    if len(dependent) and k:
         combination = factor.solve(dense(Y[dependent]).T, "T").T
-        # In sparse combinations coefficients that are rounding become zero: the solve leaves some at every coordinate,
-        # which would fill the rows of bodies with many joints.
+        # Coefficients that are rounding become zero: the solve leaves some at every coordinate, which would fill the
+        # rows of bodies with many joints.
         terms = np.abs(combination) * abs(P).sum(axis=1)
-        if not is_small:
-            combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
-        interpolation = interpolation + E[:, dependent] @ (combination if is_small else csc_array(combination))
-    return TraceCoordinates(interpolation if is_small else stored(interpolation), P, factor)
-
-
-class _DenseFactor:
-    """LU factors of a small matrix, with the method `solve` of SuperLU.
-
-    SciPy's `dgetrs` changes the array of pivots while it solves without Python's lock, so that threads which share a
-    factor would swap wrong rows. Each solve therefore copies the pivots.
-    """
-
-    def __init__(self, matrix: Matrix) -> None:
-        factors: Any = dgetrf(matrix) if matrix.size else (matrix, np.zeros(0, dtype=np.int32))
-        self._lu, self._pivots = factors[:2]
-
-    def solve(self, right: Matrix | Vector, transposed: str = "N") -> Matrix | Vector:
-        """P⁻¹ times a vector (k,) or matrix (k, j); for `transposed` "T" P⁻ᵀ."""
-        if not right.size:
-            return right
-        return np.asarray(dgetrs(self._lu, self._pivots.copy(), right, trans=int(transposed == "T"))[0])
+        combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
+        interpolation = interpolation + E[:, dependent] @ csc_array(combination)
+    return TraceCoordinates(stored(interpolation), stored(P), factor)

@@ -199,7 +199,7 @@ def contact(friction=0.5, bilateral=False):
 
 
 def residuals(qvi, p, t, m_N, m_T):
-    return law_residuals(qvi, np.array([p, t]), np.array([m_N]), np.array([m_T]), SCALES)
+    return law_residuals(qvi, qvi.tractions(np.array([p, t])), np.array([m_N]), np.array([m_T]), SCALES)
 
 
 @pytest.mark.parametrize(
@@ -284,8 +284,8 @@ def test_what_passes_the_natural_map_passes_alart_and_curnier(seed):
     """Which is why its limit loses nothing: |σ_T − clip| differs by mu times the normal residual at most."""
     qvi, random = random_problem(seed), np.random.default_rng(seed)
     for _ in range(50):
-        parts = random.normal(size=qvi.n), random.normal(size=qvi.m), random.normal(size=qvi.m)
-        found = law_residuals(qvi, *parts, SCALES).measures
+        tractions = qvi.tractions(random.normal(size=qvi.n))
+        found = law_residuals(qvi, tractions, *random.normal(size=(2, qvi.m)), SCALES).measures
         assert found["alart_curnier"] <= found["natural_map"] * (1.0 + 1e-12)
         assert found["bipotential"] <= found["complementarity_normal"] + found["complementarity_tangential"] + 1e-12
 

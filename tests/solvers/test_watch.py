@@ -376,7 +376,7 @@ class TestComplementarity:
         plain = solve_lcp(M, q, np.ones(n))
         for active in (rng.random(n) < 0.5, np.ones(n, dtype=bool), plain.basic):
             found = solve_lcp(M, q, np.ones(n), active)
-            assert found.solved
+            assert found.reason is Status.SOLVED
             assert found.x == pytest.approx(plain.x, abs=1e-9)
         assert found.pivots == 0
         assert np.array_equal(found.basic, plain.basic)
