@@ -19,7 +19,7 @@ import numpy as np
 from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number, instance_of
 from qvi_contact.basics.schema import keys_of
-from qvi_contact.bracket.coulomb import TOO_NEAR, CoulombBounds, coulomb_bounds
+from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind
 from qvi_contact.bracket.parts import LOOSEST, Bounds, CellFields, EdgeParts, EdgeTractions, coefficients, edge_parts
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_numbers, with_shares
@@ -292,14 +292,8 @@ def bracket(
         found = _assemble(known, kind, tractions, reasons, stress, refusal, first)
         bounds: CoulombBounds | str = shared if isinstance(shared, str) else ""
         if isinstance(shared, SharedStress):
-            coulomb_reasons = (*earlier, *found.reasons[len(reasons) :])
             try:
-                bounds = coulomb_bounds(shared, more[0], coulomb_reasons)
-                if bounds == TOO_NEAR and isinstance(shared := with_shares(result, tolerance, far=False), SharedStress):
-                    (second,) = solve_companions(
-                        known.problem, [law], degree=degree, tolerance=tolerance, slip_directions=[shared.slipping]
-                    )
-                    bounds = coulomb_bounds(shared, second, coulomb_reasons)
+                bounds = coulomb_bounds(shared, more[0], (*earlier, *found.reasons[len(reasons) :]))
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
         why_none = bounds if isinstance(bounds, str) else "" if math.isfinite(bounds.within) else bounds.message
