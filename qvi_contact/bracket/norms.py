@@ -272,11 +272,13 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
 LARGEST: Final = 2.0
 """The norm r of R from which on no error is bounded: (D28) needs r < 2."""
 
+COMPUTED: Final = "The norm of the friction operator, {:.3g}, was computed by finite elements, not proved."
 UNHELD: Final = (
     "{}, and {}. Errors are not bounded: refine the mesh, or hold the body along a contact if there is a support in "
     "reality."
 )
 _DEGREE: Final = 3  # of the displacements with which norms are computed
+_SMALL: Final = 0.5  # norm below which F is at most 1.13 times that of the norm 0: a smaller one is not worth the time
 _MOTIONS: Final = 3  # up to this number of motions, the norm is computed for all combinations of their senses
 _PARTS: Final = (0.125, 0.25, 0.5, 1.0)  # λ in (D39), the part of the unused friction that is taken: r grows with λ
 _ALIKE: Final = 1e-6  # relative to a motion's largest coefficient: slips that differ by less are equal, or zero
@@ -350,34 +352,36 @@ def friction_norm(
     value = proved_norm(problem, shares)
     if value < LARGEST and error(value) <= size:
         return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
-    value, computed = computed_norm(problem, shares), "was computed by finite elements, not proved."
-    if value < LARGEST:
-        return FrictionNorm(value, False, f"The norm of the friction operator, {value:.3g}, {computed}")
+    value = computed_norm(problem, shares)
+    whole = FrictionNorm(value, False, COMPUTED.format(value))
+    if value < _SMALL:
+        return whole
     if np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
     ways = _ENERGIES[problem].stopped(shares, pressures, unit)
     if isinstance(ways, str):
-        return FrictionNorm(value, False, ways)
-    # a solution within the reach of one way is within F of it, and so within the reach of ways that reach beyond F
+        return whole if value < LARGEST else FrictionNorm(value, False, ways)
+    # a solution within the reach of one way is within F of it, and so within the reach of all ways that reach beyond F
     valid = [each for each in ways if error(each.norm) < each.reach]
-    best = max(valid or ways, key=lambda each: each.reach / error(each.norm))
-    reach = max((each.reach for each in valid), default=best.reach)
-    if valid:
-        best = max(valid, key=lambda each: each.reach)
-        for _ in ways:
-            beyond = [each for each in ways if each.reach > error(best.norm)]
-            best = min(beyond, key=lambda each: each.norm)
-    reason = f"The norm of the friction operator, {best.norm:.3g}, {computed}"
+    best, reach, within = None, np.inf, error(value)
+    if value >= LARGEST:
+        nearly = max(ways, key=lambda each: each.reach / error(each.norm))
+        best = max(valid, key=lambda each: each.reach, default=nearly)
+        reach, within = best.reach, error(best.norm)
+    for _ in valid:
+        best = min((each for each in valid if each.reach > within), key=lambda each: each.norm, default=best)
+        within = within if best is None else min(within, error(best.norm))
+    if best is None or best.norm >= value:
+        return whole
+    reason = COMPUTED.format(best.norm)
     if best.norm >= LARGEST:
         reason = f"The bounds need a norm of the friction operator below 2. Here it is {best.norm:.3g}."
-    elif not valid:
-        of_size, bound = (100.0 * each / size for each in (reach, error(best.norm)))
+    elif not reach > within:
+        of_size, bound = (100.0 * each / size for each in (reach, within))
         proviso = f"the error is below {of_size:.2g} %, but its bound is {bound:.2g} %"
-        reason = UNHELD.format(best.cause, f"friction and pressure stop its motion only if {proviso}")
-    alike = [
-        each for each in ways if each.energies is best.energies and (each is best or each.reach > error(best.norm))
-    ]
-    return FrictionNorm(best.norm, False, reason, (best, *alike), reach)
+        reason = UNHELD.format(best.cause.capitalize(), f"friction and pressure stop its motion only if {proviso}")
+    others = [each for each in ways if each.energies is best.energies and each.reach > within]
+    return FrictionNorm(best.norm, False, reason, (best, *others), reach)
 
 
 def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped: Stopped | None = None) -> float:
@@ -518,7 +522,9 @@ class _Energies:
         slipping = [each.name for each in self.traces if each.name in shares and slip[each.here].max() > _ALIKE]
         without_stick = [name for name in slipping if not (shares[name].room * shares[name].weights).any()]
         names = " and ".join(map(repr, without_stick or slipping or shares))
-        return UNHELD.format(self._cause, f"neither a sticking part of {names} nor pressure stops its motion")
+        return UNHELD.format(
+            self._cause.capitalize(), f"neither a sticking part of {names} nor pressure stops its motion"
+        )
 
     @property
     def _has_slip(self) -> bool:
@@ -527,7 +533,7 @@ class _Energies:
 
     @property
     def _cause(self) -> str:
-        return "contacts alone hold a body" if self._has_slip else "a body gives way to slip"
+        return "contacts alone hold a body" if self._has_slip else "slip strains a slender body little"
 
     def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Iterator[Stopped]:
         """The ways λ in which the groups stop all motions, if they do; `unit` is that of masses over displacements."""
