@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -281,19 +281,17 @@ def bracket(
         log.begin({"what": kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress, refusal = admissible_stress(known, tractions.bound, result, tolerance)
         shared: SharedStress | str = with_shares(result, tolerance) if rough else ""
-        slip: list[Mapping[str, FloatArray]] = [{}]
-        if isinstance(shared, SharedStress):  # a second displacement, for Coulomb's law
-            slip.append(shared.slipping)
+        slips: list[Mapping[str, FloatArray]] = [{}]  # a second displacement is for Coulomb's law
+        slips += [] if isinstance(shared, str) else [{name: each.slipping for name, each in shared.shares.items()}]
         bound = tractions.bound * known.scales.stress
         law = {rows.name: bound[rows.edges] for rows in known.contacts if rows.law != "tied"}
-        first, *more = solve_companions(
-            known.problem, [law] * len(slip), degree=degree, tolerance=tolerance, slip_directions=slip
-        )
-        found = _assemble(known, kind, tractions, reasons, stress, refusal, first)
+        settings: dict[str, Any] = {"degree": degree, "tolerance": tolerance}
+        companions = solve_companions(known.problem, [law] * len(slips), slip_directions=slips, **settings)
+        found = _assemble(known, kind, tractions, reasons, stress, refusal, companions[0])
         bounds: CoulombBounds | str = shared if isinstance(shared, str) else ""
         if isinstance(shared, SharedStress):
             try:
-                bounds = coulomb_bounds(shared, more[0], (*earlier, *found.reasons[len(reasons) :]))
+                bounds = coulomb_bounds(shared, companions[1], (*earlier, *found.reasons[len(reasons) :]))
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
         why_none = bounds if isinstance(bounds, str) else "" if math.isfinite(bounds.within) else bounds.message

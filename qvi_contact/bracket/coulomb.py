@@ -179,7 +179,12 @@ def coulomb_bounds(
         residual += rest * float(np.sqrt(compliance * (np.concatenate(arcs) ** 2).sum()))
     defect = slack + float(sum(part.sum() for part in defects.values()))
     error_of, size = partial(error_bound, residual, defect), float(np.sqrt(2.0 * fields.energy))
-    norm = friction_norm(problem, shares, unit, _pressures(state, tractions, known, rounding), error_of, size)
+    pressures, distance = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)
+    for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
+        if trace.contact.law == "unilateral":
+            is_closed = distance[trace.start + trace.columns].max(axis=1, keepdims=True) <= rounding
+            pressures[trace.name] = np.where(is_closed, np.maximum(-tractions.normal[rows.edges], 0.0), 0.0)
+    norm = friction_norm(problem, shares, unit, pressures, error_of, size)
     r, indicator, eta_size = norm.value, 0.0 * half_square, float(np.sqrt(2.0 * fields.less(earlier).energy))
     error = error_of(r) if error_of(r) < norm.reach else np.inf
     if r < LARGEST:
@@ -187,18 +192,6 @@ def coulomb_bounds(
     all_reasons = reasons if norm.proved else (*reasons, norm.reason)
     parts = (norm, residual, defect, error, eta_size, size, indicator, all_reasons, stress.places)
     return CoulombBounds(shares, *parts, result, companion)
-
-
-def _pressures(
-    state: CompanionState, tractions: EdgeTractions, known: Discretization, rounding: float
-) -> dict[str, FloatArray]:
-    """The `pressures` of `friction_norm`, dimensionless."""
-    pressures, distance = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)
-    for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
-        if trace.contact.law == "unilateral":
-            is_closed = distance[trace.start + trace.columns].max(axis=1, keepdims=True) <= rounding
-            pressures[trace.name] = np.where(is_closed, np.maximum(-tractions.normal[rows.edges], 0.0), 0.0)
-    return pressures
 
 
 def _either_way(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:
