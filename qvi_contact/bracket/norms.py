@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import combinations, product
+from math import comb
 from types import MappingProxyType
 from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
@@ -284,6 +285,7 @@ _PARTS: Final = (0.125, 0.25, 0.5, 1.0)  # λ in (D39), the part of the unused f
 _ALIKE: Final = 1e-6  # relative to a motion's largest coefficient: slips that differ by less are equal, or zero
 _STOPS: Final = 1e-6  # relative singular value of the means of motions over groups, below which a motion is not stopped
 _RIGID: Final = 1e-10  # strain energy, relative to that of the single coefficients, below which a motion is rigid
+_CHOICES: Final = 20  # up to this number, all choices of groups that stop the motions are tried
 _PIECES: Final = (1, 2, 3)  # numbers of pieces into which a contact that presses is cut
 
 
@@ -536,30 +538,41 @@ class _Energies:
         return "contacts alone hold a body" if self._has_slip else "slip strains a slender body little"
 
     def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Iterator[Stopped]:
-        """The ways λ in which the groups stop all motions, if they do; `unit` is that of masses over displacements."""
+        """The ways in which groups stop all motions, if they do; `unit` is that of masses over displacements."""
         if not groups:
             return
         rows = np.array([each.row for each in groups])
         rows_w, motion_slips = rows @ np.concatenate(self.B), self.slips @ self.motions
-        if self._has_slip:  # the groups with the most independent means: a motion with slip and all means zero is free
-            _, R, order = qr((rows_w @ self.motions).T, pivoting=True)
-            largest = float(np.abs(R[0, 0]))
-            chosen = order[: int((np.abs(np.diag(R)) > _STOPS * largest).sum())]
-            rows_w, groups = rows_w[chosen], [groups[k] for k in chosen]
-            if np.abs(motion_slips @ null_space(rows_w @ self.motions / largest, _STOPS)).max(initial=0.0) > _ALIKE:
-                return
-        # d_k moves group k by the mean 1, the others by 0; `restricted` are the displacements with all means zero
-        masses, is_friction = np.array([each.mass for each in groups]), np.array([bool(each.unused) for each in groups])
-        if self._has_slip:
-            d = motion_slips @ np.linalg.pinv(rows_w / masses[:, None] @ self.motions)
-        elif is_friction.all():
-            means = rows[:, len(self.slips) :] @ self.slip_basis / masses[:, None]
-            d = np.linalg.solve(self.slip_energy, means.T)
-            d = self.slip_basis @ (d @ np.linalg.inv(means @ d))
-        else:
+        if not self._has_slip:
+            if all(each.unused for each in groups):
+                means = rows[:, len(self.slips) :] @ self.slip_basis
+                d = self.slip_basis @ np.linalg.solve(self.slip_energy, means.T)
+                d = d @ np.linalg.inv(means @ np.linalg.solve(self.slip_energy, means.T))
+                yield from self._ways(shares, groups, rows_w, d * [each.mass for each in groups], unit)
             return
+        # groups with independent means of motions: all choices, or the best one where there are many
+        means = rows_w @ self.motions
+        _, R, order = qr(means.T, pivoting=True)
+        rank, least = int((np.abs(np.diag(R)) > _STOPS * np.abs(R[0, 0])).sum()), _STOPS * np.abs(R[0, 0])
+        is_many = comb(len(groups), rank) > _CHOICES
+        for chosen in [order[:rank]] if is_many else map(list, combinations(range(len(groups)), rank)):
+            free = null_space(means[chosen], least)
+            if free.shape[1] + rank > means.shape[1] or np.abs(motion_slips @ free).max(initial=0.0) > _ALIKE:
+                continue  # means that depend on each other, or a motion with slip whose means are all zero
+            stopping = [groups[k] for k in chosen]
+            d = motion_slips @ np.linalg.pinv(means[chosen]) * [each.mass for each in stopping]
+            yield from self._ways(shares, stopping, rows_w[chosen], d, unit)
+
+    def _ways(
+        self, shares: Mapping[str, Share], groups: Sequence[_Group], rows: FloatArray, d: FloatArray, unit: float
+    ) -> Iterator[Stopped]:
+        """The ways λ in which groups stop d_k (n, j), which moves group k by the mean 1 and the others by 0.
+
+        `rows` (j, k) are the integrals of means; on the restricted displacements all are zero.
+        """
+        masses, is_friction = np.array([each.mass for each in groups]), np.array([bool(each.unused) for each in groups])
         image, p_images = self.image(shares), [self.image(each.unused) for each in groups]
-        restricted = self.without(rows_w / np.abs(rows_w).max(axis=1, keepdims=True))
+        restricted = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
         is_rough = np.array([each.is_rough for each in groups])
         for part in _PARTS if is_friction.any() else (1.0,):
             # the larger |R d_k| of both senses of t_k

@@ -313,22 +313,17 @@ def joined(
     slips = np.concatenate([np.tile(share.slipping != 0.0, 2) for share in raw.values()])
     bears = np.concatenate([np.tile(share.weights.any(axis=1), 2) for share in raw.values()])
 
-    def shares_vertex(decides: BoolArray) -> BoolArray:
-        """Which ends are at a vertex where one of the ends `decides` is."""
-        is_marked = np.zeros_like(zeros)
-        is_marked[end_vertex[decides]] = True
-        return np.asarray(is_marked[end_vertex])
-
-    decides = np.where(shares_vertex(slips & bears), slips & bears, ~bears)
-    is_prescribed = np.concatenate([np.tile(given[name] != 0.0, 2) for name in raw]) if given else np.zeros_like(slips)
-    decides = np.where(shares_vertex(is_prescribed), is_prescribed, decides)
-    # the common value at each vertex: that of the ends that decide, 0 if they differ; without such ends the mean
+    is_given = np.concatenate([np.tile(given[name] != 0.0, 2) for name in raw]) if given else np.zeros_like(slips)
+    rank, highest = np.select([is_given, slips & bears, ~bears], [3, 2, 1]), np.zeros(len(zeros), dtype=np.int64)
+    np.maximum.at(highest, end_vertex, rank)
+    decides = rank == highest[end_vertex]
+    # the common value at each vertex: that of the ends that decide, 0 if they differ; the mean where none has a rank
     least, most = np.full(len(zeros), np.inf), np.full(len(zeros), -np.inf)
     np.minimum.at(least, end_vertex[decides], end_value[decides])
     np.maximum.at(most, end_vertex[decides], end_value[decides])
-    end_weight = np.where(shares_vertex(end_weight > 0.0), end_weight, 1.0)
+    end_weight = np.maximum(end_weight, 1e-100)  # equal weights where all are 0
     total, mass = (np.bincount(end_vertex, part, len(zeros)) for part in (end_weight * end_value, end_weight))
-    common = np.where(least > most, total / np.where(mass > 0.0, mass, 1.0), np.where(least == most, least, 0.0))
+    common = np.where(highest == 0, total / np.where(mass > 0.0, mass, 1.0), np.where(least == most, least, 0.0))
     common[zeros] = 0.0
     joined_shares, places = dict[str, Share](), list[str]()
     for name, share in raw.items():
