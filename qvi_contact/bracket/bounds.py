@@ -339,7 +339,7 @@ def _assemble(
     elif balance > _BALANCE and not is_curved:
         found.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
     if is_curved:
-        rest = rest_on_arcs(discretization, u)
+        rest = rest_on_arcs(discretization, u).max()
         found.append(
             f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
             f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "

@@ -174,9 +174,10 @@ def coulomb_bounds(
     defects = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
     residual = float(np.sqrt(2.0 * half_square.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
-    if arcs:  # estimated norm of the traction that is left on arcs: k h √c for a traction k on an edge of length h
+    if arcs:  # estimated norm of the tractions that are left on arcs: k h √c, k their mean square root on an edge
         rest, compliance = rest_on_arcs(known, result.dofs), float(problem.compliances[:, 0, 0].max())
-        residual += rest * float(np.sqrt(compliance * (np.concatenate(arcs) ** 2).sum()))
+        squares = rest**2 @ gauss_legendre(rest.shape[1])[1]
+        residual += float(np.sqrt(compliance * squares @ np.concatenate(arcs) ** 2))
     defect = slack + float(sum(part.sum() for part in defects.values()))
     error_of, size = partial(error_bound, residual, defect), float(np.sqrt(2.0 * fields.energy))
     pressures, distance = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)

@@ -472,7 +472,7 @@ class TestOtherBodies:
         pressed = [Contact("crown", 0.1, gap=-2e-3, offset=4e-3), Displacement("base", x=0.0, y=0.0)]
         turned = replace(disc, conditions=[*pressed, Traction("flank", x=0.0, y=0.0)])
         forces = "crown.normal_force", "crown.tangential_force"
-        assert bounds_met(solve(turned, degree=4), solve(turned, degree=6), 4.0, *forces).kind == "estimated"
+        assert bounds_met(solve(turned, degree=4), solve(turned, degree=6), 1.7, *forces).kind == "estimated"
 
     @pytest.mark.parametrize("change", ["kink", "held end"])
     def test_where_the_share_must_vanish(self, change):
