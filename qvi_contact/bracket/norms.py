@@ -280,6 +280,7 @@ UNHELD: Final = (
 )
 _DEGREE: Final = 3  # of the displacements with which norms are computed
 _SMALL: Final = 0.5  # norm below which F is at most 1.13 times that of the norm 0: a smaller one is not worth the time
+_QUICK: Final = 400  # coefficients of slip up to which a norm below 2 is made smaller in a few seconds
 _MOTIONS: Final = 3  # up to this number of motions, the norm is computed for all combinations of their senses
 _PARTS: Final = (0.125, 0.25, 0.5, 1.0)  # λ in (D39), the part of the unused friction that is taken: r grows with λ
 _ALIKE: Final = 1e-6  # relative to a motion's largest coefficient: slips that differ by less are equal, or zero
@@ -356,7 +357,7 @@ def friction_norm(
         return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
     value = computed_norm(problem, shares)
     whole = FrictionNorm(value, False, COMPUTED.format(value))
-    if value < _SMALL:
+    if value < _SMALL or (value < LARGEST and _ENERGIES[problem].slip_basis.shape[1] > _QUICK):
         return whole
     if np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
@@ -544,11 +545,14 @@ class _Energies:
         rows = np.array([each.row for each in groups])
         rows_w, motion_slips = rows @ np.concatenate(self.B), self.slips @ self.motions
         if not self._has_slip:
-            if all(each.unused for each in groups):
-                means = rows[:, len(self.slips) :] @ self.slip_basis
-                d = self.slip_basis @ np.linalg.solve(self.slip_energy, means.T)
-                d = d @ np.linalg.inv(means @ np.linalg.solve(self.slip_energy, means.T))
-                yield from self._ways(shares, groups, rows_w, d * [each.mass for each in groups], unit)
+            means = rows[:, len(self.slips) :] @ self.slip_basis
+            d = np.linalg.solve(self.slip_energy, means.T)
+            compliances = means @ d
+            sizes = np.sqrt(np.maximum(np.diag(compliances), 0.0))
+            is_slipping = sizes.min() > 0.0 and np.linalg.cond(compliances / np.outer(sizes, sizes)) < 1.0 / _STOPS
+            if is_slipping and all(each.unused for each in groups):
+                d = self.slip_basis @ d @ np.linalg.inv(compliances) * [each.mass for each in groups]
+                yield from self._ways(shares, groups, rows_w, np.asarray(d, dtype=np.float64), unit)
             return
         # groups with independent means of motions: all choices, or the best one where there are many
         means = rows_w @ self.motions
