@@ -565,7 +565,7 @@ class _Energies:
                 continue  # means that depend on each other, or a motion with slip whose means are all zero
             stopping = [groups[k] for k in chosen]
             d = motion_slips @ np.linalg.pinv(means[chosen]) * [each.mass for each in stopping]
-            yield from self._ways(shares, stopping, rows_w[chosen], d, unit)
+            yield from self._ways(shares, stopping, rows_w[chosen], np.asarray(d, dtype=np.float64), unit)
 
     def _ways(
         self, shares: Mapping[str, Share], groups: Sequence[_Group], rows: FloatArray, d: FloatArray, unit: float
