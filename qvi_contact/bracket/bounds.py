@@ -12,14 +12,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number, instance_of
 from qvi_contact.basics.schema import keys_of
-from qvi_contact.bracket.coulomb import TOO_NEAR, CoulombBounds, coulomb_bounds
+from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind
 from qvi_contact.bracket.parts import LOOSEST, Bounds, CellFields, EdgeParts, EdgeTractions, coefficients, edge_parts
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_numbers, with_shares
@@ -281,25 +281,17 @@ def bracket(
         log.begin({"what": kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress, refusal = admissible_stress(known, tractions.bound, result, tolerance)
         shared: SharedStress | str = with_shares(result, tolerance) if rough else ""
-        slip: list[Mapping[str, FloatArray]] = [{}]
-        if isinstance(shared, SharedStress):  # a second displacement, for Coulomb's law
-            slip.append(shared.slipping)
+        slips: list[Mapping[str, FloatArray]] = [{}]  # a second displacement is for Coulomb's law
+        slips += [] if isinstance(shared, str) else [{name: each.slipping for name, each in shared.shares.items()}]
         bound = tractions.bound * known.scales.stress
         law = {rows.name: bound[rows.edges] for rows in known.contacts if rows.law != "tied"}
-        first, *more = solve_companions(
-            known.problem, [law] * len(slip), degree=degree, tolerance=tolerance, slip_directions=slip
-        )
-        found = _assemble(known, kind, tractions, reasons, stress, refusal, first)
+        settings: dict[str, Any] = {"degree": degree, "tolerance": tolerance}
+        companions = solve_companions(known.problem, [law] * len(slips), slip_directions=slips, **settings)
+        found = _assemble(known, kind, tractions, reasons, stress, refusal, companions[0])
         bounds: CoulombBounds | str = shared if isinstance(shared, str) else ""
         if isinstance(shared, SharedStress):
-            coulomb_reasons = (*earlier, *found.reasons[len(reasons) :])
             try:
-                bounds = coulomb_bounds(shared, more[0], coulomb_reasons)
-                if bounds == TOO_NEAR and isinstance(shared := with_shares(result, tolerance, far=False), SharedStress):
-                    (second,) = solve_companions(
-                        known.problem, [law], degree=degree, tolerance=tolerance, slip_directions=[shared.slipping]
-                    )
-                    bounds = coulomb_bounds(shared, second, coulomb_reasons)
+                bounds = coulomb_bounds(shared, companions[1], (*earlier, *found.reasons[len(reasons) :]))
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
         why_none = bounds if isinstance(bounds, str) else "" if math.isfinite(bounds.within) else bounds.message
@@ -347,7 +339,7 @@ def _assemble(
     elif balance > _BALANCE and not is_curved:
         found.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
     if is_curved:
-        rest = rest_on_arcs(discretization, u)
+        rest = rest_on_arcs(discretization, u).max()
         found.append(
             f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
             f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,7 +19,6 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.bracket.norms import (
     LARGEST,
-    UNHELD,
     FrictionNorm,
     amplification,
     coercivity,
@@ -115,8 +114,7 @@ class CoulombBounds:
     @property
     def reach(self) -> float:
         """The bounds hold for solutions within this distance of τ, over |τ + η|; infinite if they hold for all."""
-        stopped = self.norm.stopped
-        return np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
+        return self._relative(max(self.norm.reach - self.moved, 0.0)) if self.norm.stopped else np.inf
 
     @property
     def scope(self) -> str:
@@ -136,15 +134,12 @@ class CoulombBounds:
         error = f"stresses within {100.0 * self.relative_error:.2g} % of their energy norm."
         if self.relative_error > 1.0:
             error = "the error of the stresses may be as large as they are. Refine the mesh."
-        scope = f"It holds for solutions{self.scope}, as contacts alone hold a body." if self.scope else ""
+        scope = f"It holds for solutions{self.scope}, as {self.norm.stopped[0].cause}." if self.scope else ""
         bound = f"{self.kind.capitalize()} bound under friction: {error}"
         return " ".join(filter(None, [bound, scope, *self.reasons, *self.places[:1]]))
 
 
 _FAR: Final = 10.0  # norms of the stress: a distance from there on is told by the size of the other stresses
-
-TOO_NEAR: Final = "No displacement was found that is far enough from an obstacle where it may slip either way."
-"""Reason for no bounds: v slips either way on an edge far from an obstacle, but its opening is too small there."""
 
 
 def coulomb_bounds(
@@ -170,45 +165,34 @@ def coulomb_bounds(
     state = companion.state
     rounding = _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
     if (_opening(state, shares) < -rounding).any():
-        return TOO_NEAR
+        return "No displacement was found that is far enough from an obstacle where it may slip either way."
     # ½ρ² by cell, with springs, and δ by contact edge
     fields, earlier = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, tractions, tractions.bound, companion)
     half_square = fields.bulk(companion)
     half_square += by_cell(problem, {name: part.springs for name, part in edges.items()})
     defects = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
-    norm = friction_norm(problem, shares, unit, _pressures(state, tractions, known, rounding))
     residual = float(np.sqrt(2.0 * half_square.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
-    if arcs:  # estimated norm of the traction that is left on arcs: k h √c for a traction k on an edge of length h
+    if arcs:  # estimated norm of the tractions that are left on arcs: k h √c, k their mean square root on an edge
         rest, compliance = rest_on_arcs(known, result.dofs), float(problem.compliances[:, 0, 0].max())
-        residual += rest * float(np.sqrt(compliance * (np.concatenate(arcs) ** 2).sum()))
+        squares = rest**2 @ gauss_legendre(rest.shape[1])[1]
+        residual += float(np.sqrt(compliance * squares @ np.concatenate(arcs) ** 2))
     defect = slack + float(sum(part.sum() for part in defects.values()))
-    r, indicator, eta_size = norm.value, 0.0 * half_square, float(np.sqrt(2.0 * fields.less(earlier).energy))
-    error = error_bound(residual, defect, r)
-    size = float(np.sqrt(2.0 * fields.energy))
-    if norm.stopped is not None and norm.stopped.reach <= error < np.inf:
-        reach, bound = (100.0 * value / size for value in (norm.stopped.reach, error))
-        proviso = f"the error is below {reach:.2g} %, but its bound is {bound:.2g} %"
-        condition = f"friction and pressure stop its motion only if {proviso}"
-        norm, error = replace(norm, reason=UNHELD.format(condition)), np.inf
-    if r < LARGEST:
-        indicator = 2.0 * amplification(r) ** 2 * half_square + by_cell(problem, defects) / coercivity(r)
-    all_reasons = reasons if norm.proved else (*reasons, norm.reason)
-    parts = (norm, residual, defect, error, eta_size, size, indicator, all_reasons, stress.places)
-    return CoulombBounds(shares, *parts, result, companion)
-
-
-def _pressures(
-    state: CompanionState, tractions: EdgeTractions, known: Discretization, rounding: float
-) -> dict[str, FloatArray]:
-    """The `pressures` of `friction_norm`, dimensionless."""
+    error_of, size = partial(error_bound, residual, defect), float(np.sqrt(2.0 * fields.energy))
     pressures, distance = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)
     for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
         if trace.contact.law == "unilateral":
             is_closed = distance[trace.start + trace.columns].max(axis=1, keepdims=True) <= rounding
             pressures[trace.name] = np.where(is_closed, np.maximum(-tractions.normal[rows.edges], 0.0), 0.0)
-    return pressures
+    norm = friction_norm(problem, shares, unit, pressures, error_of, size)
+    r, indicator, eta_size = norm.value, 0.0 * half_square, float(np.sqrt(2.0 * fields.less(earlier).energy))
+    error = error_of(r) if error_of(r) < norm.reach else np.inf
+    if r < LARGEST:
+        indicator = 2.0 * amplification(r) ** 2 * half_square + by_cell(problem, defects) / coercivity(r)
+    all_reasons = reasons if norm.proved else (*reasons, norm.reason)
+    parts = (norm, residual, defect, error, eta_size, size, indicator, all_reasons, stress.places)
+    return CoulombBounds(shares, *parts, result, companion)
 
 
 def _either_way(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:
@@ -253,9 +237,8 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     has_tresca = any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts)
     if has_tresca or not np.isfinite(errors.within) or state is None or 2 * state.contacts.count > MOST:
         return {}
-    defect, stopped = defect_bound(errors.residual, errors.defect, errors.norm.value), errors.norm.stopped
-    if stopped is not None:
-        defect += stopped.work(errors.shares, errors.within, defect)
+    defect = defect_bound(errors.residual, errors.defect, errors.norm.value)
+    defect += errors.norm.least_work(errors.shares, errors.within, defect)
     fields = CellFields.of(known, stress.dofs, companion.degree)
     body = BodyAtRest.of(problem, companion.degree)
     changes = LeastChange.of(known.qvi.K, sparse.csr_array(sparse.vstack([known.qvi.N, known.qvi.T, known.qvi.A])))

@@ -11,9 +11,10 @@ In `docs/theory.md`: (D26), (D28), (D29), (D30), (D32), (D39).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import combinations, product
+from math import comb
 from types import MappingProxyType
 from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
@@ -31,7 +32,6 @@ from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest, least_energy
 from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, reference_matrices, triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import bernstein_basis, bernstein_from_values, lobatto_points, product_integrals
-from qvi_contact.errors import InputError
 from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
@@ -64,11 +64,7 @@ def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
         is_driven = contact.plate is not None and contact.plate.driven
         if has_bed or (is_driven and (is_rough or is_tied)):
             return np.inf
-    try:
-        bodies = bodies_of(problem)
-    except InputError:
-        return np.inf
-    largest_norm = 0.0
+    bodies, largest_norm = bodies_of(problem), 0.0
     for body in bodies:
         if any(map(has_coulomb, body.problem.contacts)):
             own, has_arcs = shares_on(body, problem, shares), body.problem.mesh.sides.any()
@@ -76,7 +72,7 @@ def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
             if not norm < np.inf:  # NaN proves nothing either
                 return np.inf
             largest_norm = max(largest_norm, norm)
-    return largest_norm
+    return largest_norm if bodies else np.inf
 
 
 def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
@@ -277,17 +273,20 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
 LARGEST: Final = 2.0
 """The norm r of R from which on no error is bounded: (D28) needs r < 2."""
 
+COMPUTED: Final = "The norm of the friction operator, {:.3g}, was computed by finite elements, not proved."
 UNHELD: Final = (
-    "Contacts alone hold a body, and {}. Errors are not bounded: refine the mesh, or hold the body along a contact "
-    "if there is a support in reality."
+    "{}, and {}. Errors are not bounded: refine the mesh, or hold the body along a contact if there is a support in "
+    "reality."
 )
 _DEGREE: Final = 3  # of the displacements with which norms are computed
-_USEFUL: Final = 1.6  # largest proved norm that is used: bounds by larger ones are many times as large as the errors
+_SMALL: Final = 0.5  # norm below which F is at most 1.13 times that of the norm 0: a smaller one is not worth the time
+_QUICK: Final = 400  # coefficients of slip up to which a norm below 2 is made smaller in a few seconds
 _MOTIONS: Final = 3  # up to this number of motions, the norm is computed for all combinations of their senses
 _PARTS: Final = (0.125, 0.25, 0.5, 1.0)  # λ in (D39), the part of the unused friction that is taken: r grows with λ
 _ALIKE: Final = 1e-6  # relative to a motion's largest coefficient: slips that differ by less are equal, or zero
 _STOPS: Final = 1e-6  # relative singular value of the means of motions over groups, below which a motion is not stopped
 _RIGID: Final = 1e-10  # strain energy, relative to that of the single coefficients, below which a motion is rigid
+_CHOICES: Final = 20  # up to this number, all choices of groups that stop the motions are tried
 _PIECES: Final = (1, 2, 3)  # numbers of pieces into which a contact that presses is cut
 
 
@@ -318,13 +317,19 @@ def defect_bound(residual: float, defect: float, r: float) -> float:
 class FrictionNorm:
     """A bound of |R|; infinite where none is known.
 
-    It is `proved`, or was computed by finite elements, see `reason`; on displacements without motions `stopped`.
+    It is `proved`, or was computed by finite elements, see `reason`; on displacements without motions `stopped` in one
+    or several ways. Then bounds hold for solutions with |σ − τ| < `reach` [√energy], or for none if they are larger.
     """
 
     value: float
     proved: bool
     reason: str
-    stopped: Stopped | None = None
+    stopped: tuple[Stopped, ...] = ()
+    reach: float = np.inf
+
+    def least_work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
+        """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α)."""
+        return min((each.work(shares, error, defect) for each in self.stopped), default=0.0)
 
     @property
     def useless(self) -> bool:
@@ -337,34 +342,54 @@ class FrictionNorm:
             return 0.0
         if self.proved:
             return proved_norm(problem, shares) * error**2
-        work_of_motions = 0.0 if self.stopped is None else self.stopped.work(shares, error, defect)
-        return computed_norm(problem, shares, self.stopped) * error**2 + work_of_motions
+        norm = computed_norm(problem, shares, *self.stopped[:1])
+        return norm * error**2 + self.least_work(shares, error, defect)
 
 
 def friction_norm(
     problem: ContactProblem, shares: Mapping[str, Share], unit: float = 1.0,
-    pressures: Mapping[str, FloatArray] = MappingProxyType({}),
+    pressures: Mapping[str, FloatArray] = MappingProxyType({}), error: Callable[[float], float] = amplification,
+    size: float = np.inf,
 ) -> FrictionNorm:  # fmt: skip
-    """The least proved norm if it is below 1.6, else the norm by finite elements; nothing is proved with arcs.
+    """The least proved norm if the `error` F(r) that it proves is at most the `size` |τ|, else that by finite elements.
 
-    It is the largest of the norms of the single bodies. Weights of shares are in the unit [stress], as are `pressures`:
-    by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole edge, 0 on other edges.
+    It is the largest of the norms of the single bodies; nothing is proved with arcs. Weights of shares are in the unit
+    [stress], as are `pressures`: by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole
+    edge, 0 on other edges.
     """
     value = proved_norm(problem, shares)
-    if value < _USEFUL:
+    if value < LARGEST and error(value) <= size:
         return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
-    value, stopped = computed_norm(problem, shares), None
-    if value == np.inf:
-        motions = _ENERGIES[problem].stopped(shares, pressures, unit)
-        if isinstance(motions, str):
-            return FrictionNorm(np.inf, False, UNHELD.format(motions))
-        value, stopped = motions.norm, motions
-    reason = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
+    value = computed_norm(problem, shares)
+    whole = FrictionNorm(value, False, COMPUTED.format(value))
+    if value < _SMALL or (value < LARGEST and _ENERGIES[problem].slip_basis.shape[1] > _QUICK):
+        return whole
     if np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
+    ways = _ENERGIES[problem].stopped(shares, pressures, unit)
+    if isinstance(ways, str):
+        return whole if value < LARGEST else FrictionNorm(value, False, ways)
+    # a solution within the reach of one way is within F of it, and so within the reach of all ways that reach beyond F
+    valid = [each for each in ways if error(each.norm) < each.reach]
+    best, reach, within = None, np.inf, error(value)
     if value >= LARGEST:
-        reason = f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}."
-    return FrictionNorm(value, False, reason, stopped)
+        nearly = max(ways, key=lambda each: each.reach / error(each.norm))
+        best = max(valid, key=lambda each: each.reach, default=nearly)
+        reach, within = best.reach, error(best.norm)
+    for _ in valid:
+        best = min((each for each in valid if each.reach > within), key=lambda each: each.norm, default=best)
+        within = within if best is None else min(within, error(best.norm))
+    if best is None or best.norm >= value:
+        return whole
+    reason = COMPUTED.format(best.norm)
+    if best.norm >= LARGEST:
+        reason = f"The bounds need a norm of the friction operator below 2. Here it is {best.norm:.3g}."
+    elif not reach > within:
+        of_size, bound = (100.0 * each / size for each in (reach, within))
+        proviso = f"the error is below {of_size:.2g} %, but its bound is {bound:.2g} %"
+        reason = UNHELD.format(best.cause.capitalize(), f"friction and pressure stop its motion only if {proviso}")
+    others = [each for each in ways if each.energies is best.energies and each.reach > within]
+    return FrictionNorm(best.norm, False, reason, (best, *others), reach)
 
 
 def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped: Stopped | None = None) -> float:
@@ -384,7 +409,7 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped:
 
 @dataclass(frozen=True, eq=False)
 class Stopped:
-    """Rigid motions d_k, 1 ≤ k ≤ j, that contacts alone stop, see (D39).
+    """Motions d_k, 1 ≤ k ≤ j, that contacts stop, see (D39): rigid ones, or those of least energy of slender bodies.
 
     Each motion moves one group of edges by the mean 1, the other groups by the mean 0. A group is stopped either by
     friction where it sticks, with the weight ω = λ (1 − |s|) B(τ), or by the pressure of contacts that may open, with
@@ -392,6 +417,7 @@ class Stopped:
     e = u − v. (D39) holds for every solution with |σ − τ| < `reach`, with the share s + p, p = sign(t_k) ω/B(τ).
     """
 
+    cause: str  # why motions are to be stopped, after the word "as"
     motions: FloatArray  # (n, j): slips of d_k
     masses: FloatArray  # (j,): M_k = ∫ ω ds over the group [energy per unit of displacement]
     images: FloatArray  # (j,): |R d_k|, the largest over all senses [√energy per unit of displacement]
@@ -404,13 +430,8 @@ class Stopped:
         is_strained = self.images > 0.0
         return float((self.masses[is_strained] / self.images[is_strained]).min(initial=np.inf))
 
-    @property
-    def margin(self) -> float:
-        """S*/f for the factor f of ρ in F: in proportion to S*/F where ρ is most of the error; 0 without a bound."""
-        return self.reach / amplification(self.norm) if self.norm < LARGEST else 0.0
-
     def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α)."""
+        """See `FrictionNorm.least_work`."""
         sizes = self.energies.sizes(self.energies.image(shares) @ self.motions)
         return float(error * defect * (sizes / (self.masses - error * self.images)).max())
 
@@ -418,7 +439,7 @@ class Stopped:
 class _Group(NamedTuple):
     """A group of edges over which the mean of a motion is taken, with the weight ω of friction or of pressure."""
 
-    row: FloatArray  # (k,): w ↦ ∫ ω e_T ds for friction, −∫ ω e_N ds for pressure
+    row: FloatArray  # (2 n,): c ↦ ∫ ω e_T ds for friction, −∫ ω e_N ds for pressure
     mass: float  # ∫ ω ds
     unused: Mapping[str, Share]  # by contact ±(1 − |s|), with − on edges that move backwards; empty for pressure
     is_rough: bool = False  # pressure of a contact with friction
@@ -435,6 +456,7 @@ class _Energies:
     held: FloatArray  # (h, k): rows that vanish, on contacts that are tied or keep their distance
     stiffness: FloatArray  # (k, k): S
     motions: FloatArray  # (k, j): rigid motions w, with the largest coefficient 1
+    lines: FloatArray  # (n, m): slips of all rigid motions of bodies, as if nothing held them
     # (n, n): least energies of given normal coefficients with zero slip; empty, as the next two, where n is too large
     normal_energy: FloatArray
     slip_basis: FloatArray  # (n, a): basis of the slips that displacements can have
@@ -450,7 +472,10 @@ class _Energies:
         motions = rest.body.R / max(float(np.abs(rest.B @ rest.body.R).max(initial=0.0)), _ALIKE)
         motions = motions @ null_space(held_rows @ motions, _ALIKE)
         normals, slips = is_coulomb[:, None] * B
-        parts = contacts.traces, Scales.of(problem), B, slips, held_rows, rest.body.S, motions
+        rigid = rest.body.body.space.rigid()
+        lines = is_coulomb[:, None] * (contacts.rows[contacts.count :, : len(rigid)] @ rigid)
+        lines = lines / max(float(np.abs(lines).max(initial=0.0)), _ALIKE)
+        parts = contacts.traces, Scales.of(problem), B, slips, held_rows, rest.body.S, motions, lines
         if len(rest.live) > MOST:
             return cls(*parts, empty, empty, empty)
         normal_energy = least_energy(rest.body.S, normals, rest.B[np.append(~is_coulomb, is_sheared | is_tied)])
@@ -487,46 +512,79 @@ class _Energies:
                 matrix[columns[:, :, None], columns[:, None, :]] = blocks
         return matrix
 
-    def stopped(self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float) -> Stopped | str:
-        """The motions without strain that contacts stop, or a reason if some are not stopped.
+    def stopped(
+        self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float
+    ) -> list[Stopped] | str:
+        """Ways in which contacts stop motions without strain, or with little; or a reason if they do not.
 
-        Friction alone is tried first, then pressure too. Contacts that press are cut into as many pieces as give the
-        largest margin. Weights and pressures are in the `unit` [stress].
+        Friction alone is tried first, then pressure too. Contacts that press are cut into 1, 2 or 3 pieces. Weights and
+        pressures are in the `unit` [stress].
         """
         friction_groups, unit = list(self._friction_groups(shares)), self.scales.energy * unit / self.scales.stress
-        motions = self._stopped(shares, friction_groups, unit)
-        if motions is None:
-            pressure_groups = (self._pressure_groups(pressures, pieces) for pieces in _PIECES)
-            candidates = [self._stopped(shares, [*friction_groups, *each], unit) for each in pressure_groups]
-            motions = max(filter(None, candidates), key=lambda each: each.margin, default=None)
-        if motions is None:
-            slip = np.abs(self.slips @ self.motions).max(axis=1)
-            slipping = [each.name for each in self.traces if each.name in shares and slip[each.here].max() > _ALIKE]
-            without_stick = [name for name in slipping if not (shares[name].room * shares[name].weights).any()]
-            names = " and ".join(map(repr, without_stick or slipping))
-            return f"neither a sticking part of {names} nor pressure stops its motion"
-        return motions
+        ways = list(self._stopped(shares, friction_groups, unit))
+        for pieces in () if ways else _PIECES:
+            ways += self._stopped(shares, [*friction_groups, *self._pressure_groups(pressures, pieces)], unit)
+        if ways:
+            return ways
+        slip = np.abs(self.slips @ self.motions).max(axis=1, initial=0.0)
+        slipping = [each.name for each in self.traces if each.name in shares and slip[each.here].max() > _ALIKE]
+        without_stick = [name for name in slipping if not (shares[name].room * shares[name].weights).any()]
+        names = " and ".join(map(repr, without_stick or slipping or shares))
+        return UNHELD.format(
+            self._cause.capitalize(), f"neither a sticking part of {names} nor pressure stops its motion"
+        )
 
-    def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Stopped | None:
-        """The motions, if some of the groups stop them all; `unit` makes masses [energy per unit of displacement]."""
+    @property
+    def _has_slip(self) -> bool:
+        """Whether a motion without strain slips."""
+        return bool(np.abs(self.slips @ self.motions).max(initial=0.0) > _ALIKE)
+
+    @property
+    def _cause(self) -> str:
+        return "contacts alone hold a body" if self._has_slip else "slip strains a slender body little"
+
+    def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Iterator[Stopped]:
+        """The ways in which groups stop all motions, if they do; `unit` is that of masses over displacements."""
         if not groups:
-            return None
-        # the groups with the most independent means of motions: if a motion with slip has all means zero, it is free
-        rows, motion_slips = np.array([each.row for each in groups]), self.slips @ self.motions
-        _, R, order = qr((rows @ self.motions).T, pivoting=True)
-        largest = float(np.abs(R[0, 0]))
-        chosen = order[: int((np.abs(np.diag(R)) > _STOPS * largest).sum())]
-        rows, groups = rows[chosen], [groups[k] for k in chosen]
-        if np.abs(motion_slips @ null_space(rows @ self.motions / largest, _STOPS)).max(initial=0.0) > _ALIKE:
-            return None
-        # d_k moves group k by the mean 1, the others by 0; `restricted` are the displacements with all means zero
+            return
+        rows = np.array([each.row for each in groups])
+        rows_w, motion_slips = rows @ np.concatenate(self.B), self.slips @ self.motions
+        if not self._has_slip:
+            means = rows[:, len(self.slips) :] @ self.slip_basis
+            d = np.linalg.solve(self.slip_energy, means.T)
+            compliances = means @ d
+            sizes = np.sqrt(np.maximum(np.diag(compliances), 0.0))
+            is_slipping = sizes.min() > 0.0 and np.linalg.cond(compliances / np.outer(sizes, sizes)) < 1.0 / _STOPS
+            if is_slipping and all(each.unused for each in groups):
+                d = self.slip_basis @ d @ np.linalg.inv(compliances) * [each.mass for each in groups]
+                yield from self._ways(shares, groups, rows_w, np.asarray(d, dtype=np.float64), unit)
+            return
+        # groups with independent means of motions: all choices, or the best one where there are many
+        means = rows_w @ self.motions
+        _, R, order = qr(means.T, pivoting=True)
+        rank, least = int((np.abs(np.diag(R)) > _STOPS * np.abs(R[0, 0])).sum()), _STOPS * np.abs(R[0, 0])
+        is_many = comb(len(groups), rank) > _CHOICES
+        for chosen in [order[:rank]] if is_many else map(list, combinations(range(len(groups)), rank)):
+            free = null_space(means[chosen], least)
+            if free.shape[1] + rank > means.shape[1] or np.abs(motion_slips @ free).max(initial=0.0) > _ALIKE:
+                continue  # means that depend on each other, or a motion with slip whose means are all zero
+            stopping = [groups[k] for k in chosen]
+            d = motion_slips @ np.linalg.pinv(means[chosen]) * [each.mass for each in stopping]
+            yield from self._ways(shares, stopping, rows_w[chosen], np.asarray(d, dtype=np.float64), unit)
+
+    def _ways(
+        self, shares: Mapping[str, Share], groups: Sequence[_Group], rows: FloatArray, d: FloatArray, unit: float
+    ) -> Iterator[Stopped]:
+        """The ways λ in which groups stop d_k (n, j), which moves group k by the mean 1 and the others by 0.
+
+        `rows` (j, k) are the integrals of means; on the restricted displacements all are zero.
+        """
         masses, is_friction = np.array([each.mass for each in groups]), np.array([bool(each.unused) for each in groups])
-        d = motion_slips @ np.linalg.pinv(rows / masses[:, None] @ self.motions)
         image, p_images = self.image(shares), [self.image(each.unused) for each in groups]
         restricted = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
-        candidates = list[Stopped]()
         is_rough = np.array([each.is_rough for each in groups])
-        for part in _PARTS:  # the larger |R d_k| of both senses of t_k; on the other groups d_k does not slip
+        for part in _PARTS if is_friction.any() else (1.0,):
+            # the larger |R d_k| of both senses of t_k
             both = [(image + sense * own) @ d[:, k] for sense in (part, -part) for k, own in enumerate(p_images)]
             images = self.sizes(np.transpose(both)).reshape(2, -1).max(axis=0)
             # the largest norm of R for s + p over all senses of p
@@ -538,20 +596,21 @@ class _Energies:
                 norm = restricted.norm(image) + float(np.sqrt(len(scaled))) * restricted.norm(*scaled)
             # pressure with friction: RR = 0 is lost where R d_k strains the body, so r counts twice
             norm *= 2.0 if images[is_rough].any() else 1.0
-            candidates.append(Stopped(d, unit * np.where(is_friction, part, 1.0) * masses, images, restricted, norm))
-        return max(candidates, key=lambda each: each.margin)
+            masses_of_part = unit * np.where(is_friction, part, 1.0) * masses
+            yield Stopped(self._cause, d, masses_of_part, images, restricted, norm)
 
     def _integrals(self, trace: DisplacementContact, omega: FloatArray, along: int) -> tuple[FloatArray, FloatArray]:
-        """By edge w ↦ ∫ ω e_N ds (e, k), or ∫ ω e_T ds if `along` is 1, and ∫ ω ds (e,); ω has coefficients (e, q)."""
-        columns = trace.start + trace.columns
+        """By edge c ↦ ∫ ω e_N ds (e, 2 n), or ∫ ω e_T ds if `along` is 1, and ∫ ω ds (e,); ω: coefficients (e, q)."""
+        columns, rows = trace.start + trace.columns, np.zeros((len(omega), 2, len(self.slips)))
         weights = trace.lengths[:, None] * (omega @ product_integrals(omega.shape[1] - 1, columns.shape[1] - 1))
-        signed_weights = trace.turned * weights if along else weights
-        return np.einsum("ej,ejk->ek", signed_weights, self.B[along, columns]), weights.sum(axis=1)
+        rows[np.arange(len(omega))[:, None], along, columns] = trace.turned * weights if along else weights
+        return rows.reshape(len(omega), -1), weights.sum(axis=1)
 
     def _friction_groups(self, shares: Mapping[str, Share]) -> Iterator[_Group]:
         """Groups of straight edges that all motions move alike or oppositely; the weight is (1 − |s|) B(τ)."""
         straight = {each.name: each for each in self.traces if each.name in shares and not each.edges.curved}
-        motion_slips, parts = self.slips @ self.motions, list[tuple[FloatArray, ...]]()
+        motion_slips = self.slips @ self.motions if self._has_slip else self.lines
+        parts = list[tuple[FloatArray, ...]]()
         for name, trace in straight.items():
             slip = (trace.turned[..., None] * motion_slips[trace.start + trace.columns]).mean(axis=1)
             parts.append((slip, *self._integrals(trace, shares[name].room * shares[name].weights, 1)))
@@ -570,7 +629,10 @@ class _Energies:
             yield _Group(sign @ row, float(np.abs(sign) @ mass), unused)
 
     def _pressure_groups(self, pressures: Mapping[str, FloatArray], pieces: int) -> Iterator[_Group]:
-        """Groups of edges that press, by contact and pair of bodies, cut along its line into pieces of equal force."""
+        """Groups of edges that press, by contact and pair of bodies, cut along its line into pieces of equal force.
+
+        The part of its pressure counts with which an edge belongs to a piece.
+        """
         for trace in (each for each in self.traces if each.name in pressures):
             rows, force = self._integrals(trace, pressures[trace.name], 0)
             middle, body = trace.places[trace.columns].mean(axis=1), np.append(trace.space.block, -1)
@@ -579,10 +641,10 @@ class _Energies:
                 edges = np.flatnonzero((pairs == pair) & (force > 0.0))
                 axes = np.linalg.svd(middle[edges] - middle[edges].mean(axis=0), full_matrices=False)[2]
                 edges = edges[np.argsort(middle[edges] @ axes[0])]
-                before = np.cumsum(force[edges]) - force[edges] / 2.0
-                for part in (edges[pieces * before // force[edges].sum() == piece] for piece in range(pieces)):
-                    if len(part):
-                        yield _Group(-rows[part].sum(axis=0), force[part].sum(), {}, has_coulomb(trace.contact))
+                after = np.append(0.0, np.cumsum(force[edges])) / force[edges].sum()
+                limits = np.clip(after[:, None], np.arange(pieces) / pieces, np.arange(1, pieces + 1) / pieces)
+                for row in (np.diff(limits, axis=0) * force[edges].sum() / force[edges, None]).T @ rows[edges]:
+                    yield _Group(-row, float(force[edges].sum()) / pieces, {}, has_coulomb(trace.contact))
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()

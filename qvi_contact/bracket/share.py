@@ -11,7 +11,7 @@ bodies make one of the whole problem, and its norm is the largest of theirs.
 In `docs/theory.md`: (D26), (D27).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import comb
 from typing import Any
@@ -27,9 +27,8 @@ from qvi_contact.companion.model import prescribed_slip
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.displacements import ALIKE, PARALLEL
 from qvi_contact.element.edge import SAMPLES, bernstein_basis
-from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
-from qvi_contact.mesh.edges import Edges, cross, frames_along
+from qvi_contact.mesh.edges import cross, frames_along
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.result import ContactResult
@@ -59,16 +58,14 @@ class Body:
 def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     """The bodies of a problem, each alone; a joint between two bodies becomes a contact with an obstacle on each.
 
-    Tied joints do not divide. `InputError` if a joint that is not tied has one body on both sides.
+    Tied joints do not divide. There are none if a joint that is not tied has one body on both sides.
     """
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
     if problem not in _PARTED:
         body = blocks_of_cells(problem)
-        for joint in joints:
-            near, far = problem.mesh.edges(joint.edges).cells.T
-            if (body[near] == body[far]).any():
-                raise InputError("Contact.edges", joint.name, "has one body on both sides: let it part two bodies")
-        parts = (np.flatnonzero(body == number) for number in range(int(body.max()) + 1))
+        sides = (body[problem.mesh.edges(joint.edges).cells] for joint in joints)
+        is_cracked = any((near == far).any() for near, far in (each.T for each in sides))
+        parts = (np.flatnonzero(body == number) for number in range(0 if is_cracked else int(body.max()) + 1))
         _PARTED[problem] = tuple(_alone(problem, cells, joints) for cells in parts)
     return _PARTED[problem]
 
@@ -176,11 +173,6 @@ class SharedStress:
     places: tuple[str, ...]  # a sentence for each vertex where s must vanish although the contact slips or is open
     before: ContactResult  # it carries τ
 
-    @property
-    def slipping(self) -> dict[str, FloatArray]:
-        """`Share.slipping` by contact."""
-        return {name: share.slipping for name, share in self.shares.items()}
-
 
 def with_numbers(result: ContactResult) -> ContactResult:
     """The result with numbers for friction and cohesion that are given as functions but constant on a contact."""
@@ -203,18 +195,19 @@ def with_numbers(result: ContactResult) -> ContactResult:
 def outside_scope(problem: ContactProblem) -> str:
     """Why the data of a problem rule out bounds of its errors under Coulomb's law; empty if they do not."""
     for contact in filter(has_coulomb, problem.contacts):
-        name = repr(contact.name)
-        if contact.law != "unilateral":
-            return f"Bounds under friction are for contacts that may open: {name} keeps its distance."
-        if callable(contact.friction) or callable(contact.cohesion):
-            return f"Bounds under friction need constant friction and cohesion: those of {name} vary."
-        if contact.shear_limit is not None:
-            return f"Bounds under friction are for Coulomb's law without a limit of the shear stress: {name} has one."
-        if contact.tangential_stiffness is not None and contact.normal_stiffness is None:
-            return (
-                f"Bounds under friction are not for springs along a contact without springs across it: give {name} a "
-                "normal stiffness, or no tangential one."
-            )
+        name, has_shear_springs = repr(contact.name), contact.tangential_stiffness is not None
+        reasons = {
+            f"are for contacts that may open: {name} keeps its distance.": contact.law != "unilateral",
+            f"need constant friction and cohesion: those of {name} vary.": (
+                callable(contact.friction) or callable(contact.cohesion)
+            ),
+            f"are for Coulomb's law without a limit of the shear stress: {name} has one.": contact.shear_limit
+            is not None,
+            f"are not for springs along a contact without springs across it: give {name} a normal stiffness, or no "
+            "tangential one.": has_shear_springs and contact.normal_stiffness is None,
+        }
+        for reason in (each for each, holds in reasons.items() if holds):
+            return f"Bounds under friction {reason}"
     return ""
 
 
@@ -225,13 +218,13 @@ def with_bernstein_rows(known: Discretization) -> Discretization:
     return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
 
 
-def with_shares(result: ContactResult, tolerance: float, *, far: bool = True) -> SharedStress | str:
+def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
     """(H4): a stress with continuous shares near that of a result, or a reason why its errors are not bounded.
 
     A result whose rows do not hold Coulomb's law on whole edges is solved anew. At a vertex s is 1 or −1 if an edge
     slips there. Where no edge slips, s is the mean of the edges, weighted by their bounds. Where no R of (D26) exists
-    otherwise, s is 0. On each edge only the first and the last coefficient that count change. With `far`, displacements
-    may slip either way on edges far from an obstacle.
+    otherwise, s is 0. On each edge only the first and the last coefficient that count change. Displacements may slip
+    either way on edges far from an obstacle.
     """
     reason, raw_shares = outside_scope(result.problem), dict[str, Share]()
     if reason:
@@ -250,9 +243,7 @@ def with_shares(result: ContactResult, tolerance: float, *, far: bool = True) ->
             data = tractions.bound[rows.edges], tractions.shear[rows.edges], slip, prescribed_senses[contact.name]
             raw_shares[contact.name] = _raw(contact, *data, least)
     shares, places = joined(known.problem, raw_shares, _vanishing(known.problem), prescribed_senses)
-    if far:
-        shares = {name: _free_far_away(result, share) for name, share in shares.items()}
-    changed = _moved(result, shares)
+    changed = _moved(result, {name: _free_far_away(result, share) for name, share in shares.items()})
     return changed if isinstance(changed, str) else SharedStress(*changed, places, result)
 
 
@@ -322,22 +313,17 @@ def joined(
     slips = np.concatenate([np.tile(share.slipping != 0.0, 2) for share in raw.values()])
     bears = np.concatenate([np.tile(share.weights.any(axis=1), 2) for share in raw.values()])
 
-    def shares_vertex(decides: BoolArray) -> BoolArray:
-        """Which ends are at a vertex where one of the ends `decides` is."""
-        is_marked = np.zeros_like(zeros)
-        is_marked[end_vertex[decides]] = True
-        return np.asarray(is_marked[end_vertex])
-
-    decides = np.where(shares_vertex(slips & bears), slips & bears, ~bears)
-    is_prescribed = np.concatenate([np.tile(given[name] != 0.0, 2) for name in raw]) if given else np.zeros_like(slips)
-    decides = np.where(shares_vertex(is_prescribed), is_prescribed, decides)
-    # the common value at each vertex: that of the ends that decide, 0 if they differ; without such ends the mean
+    is_given = np.concatenate([np.tile(given[name] != 0.0, 2) for name in raw]) if given else np.zeros_like(slips)
+    rank, highest = np.select([is_given, slips & bears, ~bears], [3, 2, 1]), np.zeros(len(zeros), dtype=np.int64)
+    np.maximum.at(highest, end_vertex, rank)
+    decides = rank == highest[end_vertex]
+    # the common value at each vertex: that of the ends that decide, 0 if they differ; the mean where none has a rank
     least, most = np.full(len(zeros), np.inf), np.full(len(zeros), -np.inf)
     np.minimum.at(least, end_vertex[decides], end_value[decides])
     np.maximum.at(most, end_vertex[decides], end_value[decides])
-    end_weight = np.where(shares_vertex(end_weight > 0.0), end_weight, 1.0)
+    end_weight = np.maximum(end_weight, 1e-100)  # equal weights where all are 0
     total, mass = (np.bincount(end_vertex, part, len(zeros)) for part in (end_weight * end_value, end_weight))
-    common = np.where(least > most, total / np.where(mass > 0.0, mass, 1.0), np.where(least == most, least, 0.0))
+    common = np.where(highest == 0, total / np.where(mass > 0.0, mass, 1.0), np.where(least == most, least, 0.0))
     common[zeros] = 0.0
     joined_shares, places = dict[str, Share](), list[str]()
     for name, share in raw.items():
@@ -379,30 +365,29 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
     known, qvi = result.discretization, result.discretization.qvi
     m, rough_rows = qvi.m, [rows for rows in known.contacts if rows.name in shares]
     own = EdgeTractions.of(known, result.dofs)
-    # by coefficient: the change of shear, μ s, whether the share is free, whether pressure may change
-    target, signed_friction = np.zeros((2, m))
-    is_free, is_pressed = np.zeros((2, m), dtype=bool)
+    # by coefficient: the change of shear, μ s, whether pressure and the share may change
+    target, signed_friction, may_change = np.zeros(m), np.zeros(m), np.zeros((2, m), dtype=bool)
     for rows in rough_rows:
-        share, at_rows = shares[rows.name], rows.rows
+        share, at_rows, pressure = shares[rows.name], rows.rows, -own.normal[rows.edges]
         bound, shear = own.bound[rows.edges], own.shear[rows.edges]
         does_count = share.weights > _BEARS * bound.max(axis=1, keepdims=True)
         target[at_rows] = (-share.values * bound - shear).ravel()
         signed_friction[at_rows] = share.friction * share.values.ravel()
         before, after = (np.cumsum(does_count[:, ::way], axis=1)[:, ::way] for way in (1, -1))
-        is_free[at_rows] = ((share.slipping == 0.0)[:, None] & does_count & (before > 1) & (after > 1)).ravel()
-        pressure = -own.normal[rows.edges]
-        is_pressed[at_rows] = (pressure > _BEARS * pressure.max(initial=0.0)).ravel()
+        is_inner = (share.slipping == 0.0)[:, None] & does_count & (before > 1) & (after > 1)
+        may_change[:, at_rows] = (pressure > _BEARS * pressure.max(initial=0.0)).ravel(), is_inner.ravel()
     size = max(float(np.abs(target).max()), *(float(share.weights.max(initial=0.0)) for share in shares.values()))
     if not np.abs(target).max(initial=0.0) > 0.0:
         return result, dict(shares)
     shear_rows = sparse.csr_array(qvi.T - sparse.diags_array(signed_friction) @ qvi.N)
+    all_rows = sparse.csr_array(sparse.vstack([qvi.N, shear_rows, qvi.A]))
+    all_right = np.concatenate([np.zeros(m), target, np.zeros(qvi.A.shape[0])])
     for pressure_changes in (False, True):
-        free_shear, free_pressure = is_free, is_pressed & pressure_changes
+        is_free = may_change & np.array([[pressure_changes], [True]])
         for trial in range(_TRIALS):
-            free_shear, free_pressure = free_shear & (trial < _TRIALS - 1), free_pressure & (trial < _TRIALS - 1)
-            kept = np.flatnonzero(np.concatenate([~free_pressure, ~free_shear, np.ones(qvi.A.shape[0], dtype=bool)]))
-            rows_kept = sparse.csr_array(sparse.vstack([qvi.N, shear_rows, qvi.A]))[kept]
-            right = np.concatenate([np.zeros(m), target, np.zeros(qvi.A.shape[0])])[kept]
+            is_free &= trial < _TRIALS - 1
+            kept = np.flatnonzero(np.append(~is_free.ravel(), np.ones(qvi.A.shape[0], dtype=bool)))
+            rows_kept, right = all_rows[kept], all_right[kept]
             change = LeastChange.of(qvi.K, rows_kept).solved(right)
             moved = ContactResult(known, replace(result.solution, z=result.solution.z + change))
             # free coefficients must obey the law, σ_N ≤ 0 and |s| ≤ 1; the others are fixed in the next trial
@@ -411,16 +396,16 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
             for rows in rough_rows:
                 share, at_rows = shares[rows.name], rows.rows
                 bound, shear = new.bound[rows.edges], new.shear[rows.edges]
-                is_free_here = free_shear[at_rows].reshape(bound.shape)
+                is_free_here = is_free[1, at_rows].reshape(bound.shape)
                 values = np.where(is_free_here, -shear / np.maximum(bound, 1e-300), share.values)
-                is_wrong[0, at_rows] = free_pressure[at_rows] & (new.normal[rows.edges] > 0.0).ravel()
-                is_wrong[1, at_rows] = (np.abs(values) > 1.0).ravel()
+                is_wrong[:, at_rows] = (new.normal[rows.edges] > 0.0).ravel(), (np.abs(values) > 1.0).ravel()
                 room = np.where(is_free_here, 1.0 - np.abs(values), share.room)
                 weights = np.where(share.weights > 0.0, bound, 0.0)
                 moved_shares[rows.name] = replace(share, values=values, room=room, weights=weights)
+            is_wrong &= is_free
             if not is_wrong.any():
                 break
-            free_pressure, free_shear = free_pressure & ~is_wrong[0], free_shear & ~is_wrong[1]
+            is_free &= ~is_wrong
         misfit = np.abs(rows_kept @ change - right)
         if misfit.max() <= _MET * size:
             return moved, moved_shares
@@ -454,23 +439,6 @@ def spans(directions: FloatArray, wanted: FloatArray) -> bool:
     return bool(np.abs(projection - wanted).max() <= PARALLEL)
 
 
-def _sides(problem: ContactProblem) -> Iterator[tuple[Edges, IntArray, Contact | None]]:
-    """Edges, the bodies (e,) they belong to, and their contact law; first the whole boundary without a law.
-
-    Joints come once for each side. If a joint has one body on both sides, all bodies are one, and joints have one side.
-    """
-    mesh, body = problem.mesh, blocks_of_cells(problem)
-    laws = [(each, mesh.edges(each.edges)) for each in problem.contacts if each.law != "tied"]
-    cells_of_joints = [edges.cells for each, edges in laws if each in problem.joints]
-    is_cracked = any((body[cells[:, 0]] == body[cells[:, 1]]).any() for cells in cells_of_joints)
-    if is_cracked:
-        body = np.zeros_like(body)
-    yield mesh.boundary, body[mesh.boundary.cells[:, 0]], None
-    for law, edges in laws:
-        for side in (0, 1) if law in problem.joints and not is_cracked else (0,):
-            yield edges, body[edges.cells[:, side]], law
-
-
 def _vanishing(problem: ContactProblem) -> BoolArray:
     """Vertices (n,) where s must be 0: kinks, and where a neighbour holds the normal part of Rv.
 
@@ -478,29 +446,33 @@ def _vanishing(problem: ContactProblem) -> BoolArray:
     a w for every v if the rank of all rows is the rank of the rows in w alone plus that of the rows in v alone. Springs
     across a contact take up μ s v_T. On a joint both bodies have the same rows.
     """
-    zero, held_vectors, sides = np.zeros(2), held_directions(problem), list(_sides(problem))
-    demands = dict[tuple[int, int], tuple[list[FloatArray], list[FloatArray]]]()  # by body and vertex
-    for edges, bodies, law in sides:
-        if law is not None and has_coulomb(law) and law.normal_stiffness is None:
-            for vertices in (edges.first, edges.second):
-                places = zip(bodies.tolist(), vertices.tolist(), strict=True)
-                demands |= {place: ([zero], [np.zeros(4)]) for place in places}
-    for edges, bodies, law in sides:
-        frames = frames_along(edges, np.array([0.0, 1.0]))[0]
-        for end, vertices in enumerate((edges.first, edges.second)):
-            for edge, place in enumerate(zip(bodies.tolist(), vertices.tolist(), strict=True)):
-                fixed_rows, rows = demands.get(place, ([], []))
-                if law is None:
-                    fixed_rows += list(held_vectors[edge])
-                    rows += [np.append(each, zero) for each in held_vectors[edge]]
-                    continue
-                normal, tangent = frames[edge, end], np.array([-1.0, 1.0]) * frames[edge, end, ::-1]
-                friction = law.friction if has_coulomb(law) else 0.0
-                assert not callable(friction)
-                rows += [np.append(normal, -friction * tangent)] + [np.append(tangent, zero)] * bears_shear(law)
-    must_vanish = np.zeros(len(problem.mesh.vertices), dtype=bool)
-    for (_, vertex), (fixed_rows, rows) in demands.items():
-        all_rows = [*rows, *(np.append(zero, each) for each in fixed_rows)]
-        ranks = (int(np.linalg.matrix_rank(part, ALIKE)) for part in (all_rows, np.array(rows)[:, :2], fixed_rows))
-        must_vanish[vertex] |= next(ranks) > sum(ranks)
+    zero, must_vanish = np.zeros(2), np.zeros(len(problem.mesh.vertices), dtype=bool)
+    for body in bodies_of(problem) or [Body(problem, {}, np.arange(problem.mesh.cell_count))]:
+        demands, mesh = dict[int, tuple[list[FloatArray], list[FloatArray]]](), body.problem.mesh
+        laws = [(each, mesh.edges(each.edges)) for each in body.problem.contacts if each.law != "tied"]
+        for law, edges in laws:
+            if has_coulomb(law) and law.normal_stiffness is None:
+                demands |= {
+                    vertex: ([zero], [np.zeros(4)]) for vertex in {*edges.first.tolist(), *edges.second.tolist()}
+                }
+        for vertices in (mesh.boundary.first, mesh.boundary.second):
+            for vertex, held_vectors in zip(vertices.tolist(), held_directions(body.problem), strict=True):
+                fixed_rows, rows = demands.get(vertex, ([], []))
+                fixed_rows += list(held_vectors)
+                rows += [np.append(each, zero) for each in held_vectors]
+        for law, edges in laws:
+            friction = law.friction if has_coulomb(law) else 0.0
+            assert not callable(friction)
+            for end, vertices in enumerate((edges.first, edges.second)):
+                for vertex, normal in zip(
+                    vertices.tolist(), frames_along(edges, np.array([0.0, 1.0]))[0][:, end], strict=True
+                ):
+                    tangent = np.array([-normal[1], normal[0]])
+                    rows = demands.get(vertex, ([], []))[1]
+                    rows += [np.append(normal, -friction * tangent)] + [np.append(tangent, zero)] * bears_shear(law)
+        number = np.unique(problem.mesh.cells[body.cells])  # of the body's vertices in the whole mesh
+        for vertex, (fixed_rows, rows) in demands.items():
+            all_rows = [*rows, *(np.append(zero, each) for each in fixed_rows)]
+            ranks = (int(np.linalg.matrix_rank(part, ALIKE)) for part in (all_rows, np.array(rows)[:, :2], fixed_rows))
+            must_vanish[number[vertex]] |= next(ranks) > sum(ranks)
     return must_vanish

@@ -237,13 +237,11 @@ class CondensedBody:
         strained = float(np.linalg.norm(K @ motions)) / float(K.diagonal().max())  # rounding, but for arcs
         closely, at_supports = min(_AS_STRAINED * strained, _FREE_ON_ARCS), supports.rows.matrix() @ motions
         interface = np.unique((rows[:, :size] @ supports.basis.matrix).indices)
-        for block in range(int(body.space.block.max()) + 1):  # Γ must determine rigid motions: two vertices may join it
-            own = slice(3 * block, 3 * block + 3)
-            if _unheld(np.vstack([at_supports[:, own], motions[kept[interface], own]]), closely).shape[1]:
-                of_block = np.flatnonzero(body.space.owner == block)
-                position = body.space.places[of_block].sum(axis=1)
-                pair = of_block[[int(np.argmin(position)), int(np.argmax(position))]]
-                interface = np.union1d(interface, np.flatnonzero(np.isin(kept // 2, pair)))
+        for block in range(int(body.space.block.max()) + 1):  # two vertices of each block: Γ determines rigid motions
+            of_block = np.flatnonzero(body.space.owner == block)
+            position = body.space.places[of_block].sum(axis=1)
+            pair = of_block[[int(np.argmin(position)), int(np.argmax(position))]]
+            interface = np.union1d(interface, np.flatnonzero(np.isin(kept // 2, pair)))
         K = sparse.csr_array(supports.basis.matrix.T @ K @ supports.basis.matrix)
         shift = float(K.diagonal().mean()) if len(kept) else 0.0
         diagonal_shift = np.zeros(len(kept))
@@ -252,7 +250,9 @@ class CondensedBody:
         S = factor.schur - shift * np.eye(len(interface))
         right = B.T @ (load - body.force(start))
         r, _ = factor.reduce(right[: len(kept)])
-        rigid = (motions @ _unheld(at_supports, closely))[kept[interface]]
+        # combinations that supports leave free, up to `closely` on arcs
+        least = max(_FREE * max(1.0, float(np.linalg.norm(at_supports))), closely)
+        rigid = (motions @ null_space(at_supports, least))[kept[interface]]
         rigid = np.asarray(np.linalg.qr(rigid)[0]) if rigid.size else np.zeros((len(rigid), 0))
         R = block_diag(rigid, np.eye(extra)[:, body.beside.diagonal() == 0.0])
         S, r = block_diag(S, body.beside.toarray()), np.append(r, right[len(kept) :])
@@ -278,8 +278,3 @@ class CondensedBody:
             _, state = self.factor.reduce((self.B.T @ (self.load - self.body.force(self.B @ w + self.start)))[:free])
             w[:free] += self.factor.expand(state, np.zeros(self.factor.interface.size))
         return np.asarray(self.B @ w + self.start)
-
-
-def _unheld(motions: FloatArray, closely: float) -> FloatArray:
-    """Combinations (k, j) of rigid motions of norm 1 that rows (m, k) map to zero, up to `closely` on arcs."""
-    return null_space(motions, max(_FREE * max(1.0, float(np.linalg.norm(motions))), closely))

@@ -182,15 +182,6 @@ class DisplacementContact:
             reasons.append(ROUNDED)
         return least
 
-    def stiffness(self, kind: str, signs: FloatArray) -> FloatArray:
-        """∫ k B_i B_j ds of springs on each edge, (e, p + 1, p + 1), with the signs (e, p + 1) of coefficients."""
-        t, weights = gauss_legendre(load_points(self.space.degree))
-        points = self.space.mesh.points_along(self.edges, t)
-        k = evaluate(f"Contact.{kind}", getattr(self.contact, kind), *points, minimum=0.0)
-        k = k * (self.scales.compliance * self.edges.length[:, None] * weights)
-        shape = signs[:, None] * bernstein_basis(self.space.degree, t)
-        return np.asarray((k[..., None] * shape).swapaxes(1, 2) @ shape)
-
     def moved(self, plate: RigidPlate) -> FloatArray:
         """Coefficients (2, n) of the given motion of a plate along normals and tangents [length]."""
         field = plate.displacement(*(self.space.mesh.origin + self.scales.length * self.space.positions).T).T.ravel()
@@ -288,8 +279,11 @@ class Contacts:
         springs, columns, resultants = sparse.csr_array((2 * n, 2 * n)), [np.zeros((2 * n, 0))], list[float]()
         obstacle, moved, fluid, law, slipping = *np.zeros((3, 2, n)), np.zeros((3, n)), np.full(n, np.nan)
         reasons, driven = list[str](), list[tuple[str, str]]()
+        t, weights = gauss_legendre(load_points(space.degree))
+        shapes = bernstein_basis(space.degree, t)
         for trace in traces:
             here, contact, signs = trace.here, trace.contact, (np.ones_like(trace.turned), trace.turned)
+            places = problem.mesh.points_along(trace.edges, t)
             for half, kind in enumerate(("gap", "offset")):
                 obstacle[half, here] = trace.obstacle(kind, signs[half], reasons)
             law[:, here] = trace.law(reasons)
@@ -297,13 +291,16 @@ class Contacts:
             if contact.name in slips:
                 slipping[here] = trace.slipping_on(slips[contact.name])
             if bounds is None:  # friction may act between the points of coefficients
-                places = problem.mesh.points_along(trace.edges, SAMPLES)
-                at_samples = evaluate("Contact.friction", contact.friction, *places, minimum=0.0)
+                samples = problem.mesh.points_along(trace.edges, SAMPLES)
+                at_samples = evaluate("Contact.friction", contact.friction, *samples, minimum=0.0)
                 has_friction |= max(law[0, here].max(), at_samples.max()) > 0.0
             for half, kind in enumerate(SPRINGS):
                 if getattr(contact, kind) is not None:
                     numbers = half * n + trace.start + trace.columns
-                    springs = springs + spread(numbers, numbers, trace.stiffness(kind, signs[half]), 2 * n)
+                    k = evaluate(f"Contact.{kind}", getattr(contact, kind), *places, minimum=0.0)
+                    k = k * (scales.compliance * trace.edges.length[:, None] * weights)
+                    shape = signs[half][:, None] * shapes
+                    springs = springs + spread(numbers, numbers, (k[..., None] * shape).swapaxes(1, 2) @ shape, 2 * n)
             if contact.plate is not None:
                 moved[:, here] = trace.moved(contact.plate) / scales.displacement
             for component, motion, resultant in trace.motions():

@@ -273,18 +273,22 @@ def loads_followed(discretization: Discretization) -> bool:
     )  # fmt: skip
 
 
-def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
-    """Largest difference at points of arcs between σn and the traction polynomials of u (N,) [stress]."""
-    mesh, space, largest = discretization.problem.mesh, discretization.space, 0.0
+def rest_on_arcs(discretization: Discretization, u: FloatArray) -> FloatArray:
+    """Differences between σn and the traction polynomials of u (N,) at Gauss points of arcs (arcs, 12) [stress].
+
+    Arcs of the boundary come first, then those inside the body, where the larger difference of both sides counts.
+    """
+    mesh, space, found = discretization.problem.mesh, discretization.space, [np.zeros((0, _POINTS))]
     coefficients = discretization.coefficients(u)
     for arcs in (edges.take(edges.bent) for edges in (mesh.boundary, mesh.interior) if edges.curved):
         points = EdgePoints(space, arcs, _POINTS)
         places = np.stack(mesh.points_along(arcs, points.reference), axis=-1)
         (nx, ny), (tx, ty) = points.normals.T, points.tangents.T
-        normal, shear = points.tractions(u)
+        (normal, shear), largest = points.tractions(u), np.zeros(len(arcs) * _POINTS)
         for cells in arcs.cells.T:
             if (cells >= 0).all():  # the cells on one side of the arcs
                 xx, yy, xy = space.stress(coefficients, cells, mesh.reference(cells, places)).reshape(-1, 3).T
                 x, y = xx * nx + xy * ny, xy * nx + yy * ny
-                largest = max(largest, float(np.hypot(x * nx + y * ny - normal, x * tx + y * ty - shear).max()))
-    return discretization.scales.stress * largest
+                largest = np.maximum(largest, np.hypot(x * nx + y * ny - normal, x * tx + y * ty - shear))
+        found.append(largest.reshape(-1, _POINTS))
+    return discretization.scales.stress * np.concatenate(found)
