@@ -24,7 +24,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import product_integrals
@@ -33,11 +33,11 @@ from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import APART, FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram, beside
 from qvi_contact.limit.split import coefficients_of, lattice, nodes_along, numbered, part_corners
-from qvi_contact.limit.stresses import ALONG, PASSES, Carried, YieldCones, limited
+from qvi_contact.limit.stresses import PASSES, Carried, YieldCones, limited, shear_laws
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID, whole_edges
 from qvi_contact.mesh.edges import Edges, cross
-from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction
+from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
@@ -354,14 +354,10 @@ class FlowProgram:
         mesh, space, p = self.space.mesh, self.space, self.space.degree + 1
         contacts = [contact for contact in self.problem.contacts if contact.law != "tied"]
         jumps, numbers = [[sparse.csr_array((0, space.size))] * 2], [np.zeros((5, 0))]
-        for contact in contacts:
-            edges, points = mesh.edges(contact.edges), mesh.points_along(mesh.edges(contact.edges), ALONG)
+        for contact, law in zip(contacts, shear_laws(self.problem), strict=True):
+            edges = mesh.edges(contact.edges)
             weights = edges.length / (mesh.length * p * self.scales.stress)
-            laws = [weights, np.full(len(edges), contact.law == "unilateral")]
-            for name in SHEAR_LAW:  # the largest value along each edge
-                field = getattr(contact, name)
-                values = np.inf if field is None else evaluate(f"Contact.{name}", field, *points, minimum=0.0)
-                laws.append(np.broadcast_to(values, points[0].shape).max(axis=1))
+            laws = [weights, np.full(len(edges), contact.law == "unilateral"), *law.max(axis=-1)]  # largest values
             numbers.append(np.repeat(laws, p, axis=1))
             jumps.append(list(space.jumps(contact)))
         weight, one_sided, mu, c, cap = np.concatenate(numbers, axis=1)

@@ -22,7 +22,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
@@ -30,9 +30,8 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.conic import APART, FACES, HELD, LATE, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
-from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.conditions import SHEAR_LAW, Contact
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.progress import deadline
@@ -93,52 +92,59 @@ def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]
     return [(rows, contact) for rows, contact in pairs if rows.law != "tied"]
 
 
+def shear_laws(problem: ContactProblem) -> list[FloatArray]:
+    """μ, c and t_max [stress] (3, e, 33) along the edges of each contact that limits tractions; without a cap ∞."""
+    laws = list[FloatArray]()
+    for contact in problem.contacts:
+        if contact.law != "tied":
+            places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
+            fields = {name: getattr(contact, name) for name in SHEAR_LAW}
+            laws.append(np.stack([np.full(places[0].shape, np.inf) if field is None else
+                                  evaluate(f"Contact.{name}", field, *places, minimum=0.0)
+                                  for name, field in fields.items()]))  # fmt: skip
+    return laws
+
+
 def whole_edge_rows(discretization: Discretization, signs: IntArray) -> tuple[sparse.csr_array, FloatArray]:
     """Rows H [σ_N; σ_T] ≤ limit of (D24), for the rows of N and T of (D2), dimensionless.
 
     The `signs` (e,) of σ_N on all contact edges count on the edges of `both_signs`.
     """
-    problem, stress, m = discretization.problem, discretization.scales.stress, discretization.qvi.m
-    blocks, limits, first = [sparse.csr_array((0, 2 * m))], [np.zeros(0)], 0
-    for rows, contact in limited(discretization):
-        edges, q = rows.points.edges, rows.rule.count
-        friction, cohesion = (
-            _below(problem, edges, f"Contact.{name}", getattr(contact, name)) for name in ("friction", "cohesion")
-        )
-        sign = np.full(len(edges), PRESSURE)
-        if rows.law == "bilateral":
-            sign = np.where((friction > 0.0).any(axis=1), signs[first : first + len(edges)], EITHER)
-        first += len(edges)
-        identity = np.broadcast_to(np.eye(q), (len(edges), q, q))
-        slope, elevation = _times(-sign[:, None] * friction, q), _times(np.ones((len(edges), 2)), q)
-        one_sided, all_edges, has_limit = abs(sign) == 1, np.ones(len(edges), dtype=bool), sign != ROUGH
-        pressure_rows = -sign[one_sided, None, None] * np.eye(q)
-        groups = [(one_sided, pressure_rows, 0.0 * pressure_rows, np.zeros(len(pressure_rows) * q))]
-        held = _affine(cohesion[has_limit], q) / stress
-        groups += [(has_limit, slope[has_limit], way * elevation[has_limit], held) for way in (1.0, -1.0)]
-        if contact.shear_limit is not None:
-            cap = _affine(_below(problem, edges, "Contact.shear_limit", contact.shear_limit), q - 1) / stress
-            groups += [(all_edges, 0.0 * identity, way * identity, cap) for way in (1.0, -1.0)]
-        for chosen, normal, shear, limit in groups:
-            row_of_traction = rows.rows.start + q * np.flatnonzero(chosen)[:, None, None] + np.arange(q)
-            row_numbers = np.arange(len(limit)).reshape(*normal.shape[:2], 1)
-            values = np.concatenate([normal, shear], axis=2)
-            columns = np.concatenate([row_of_traction, m + row_of_traction], axis=2)
-            row_numbers, columns = np.broadcast_arrays(row_numbers, columns)
-            part = sparse.csr_array((values.ravel(), (row_numbers.ravel(), columns.ravel())), shape=(len(limit), 2 * m))
-            part.eliminate_zeros()
-            blocks.append(part)
-            limits.append(limit)
-    return sparse.csr_array(sparse.vstack(blocks)), joined(limits)
+    stress, m, q = discretization.scales.stress, discretization.qvi.m, discretization.rule.count
+    no_edges = np.zeros((3, 0, len(ALONG)))
+    friction, cohesion, cap = np.concatenate([no_edges, *shear_laws(discretization.problem)], axis=1)
+    slope, is_undecided, is_bilateral = _below(friction), both_signs(discretization), _bilateral(discretization)
+    sign = np.where(is_undecided, signs, np.where(is_bilateral, EITHER, PRESSURE))
+    one_sided, has_limit, capped = map(np.flatnonzero, (abs(sign) == 1, sign != ROUGH, np.isfinite(cap).all(axis=1)))
+    # edges, blocks on their q rows of σ_N and of σ_T, and limits
+    rise, level = _times(-sign[:, None] * slope, q)[has_limit], _times(np.ones((len(has_limit), 2)), q)
+    most, held = (_affine(_below(each), degree) / stress for each, degree in ((cap[capped], q - 1), (cohesion, q)))
+    pressed, whole = -sign[one_sided, None, None] * np.eye(q), np.broadcast_to(np.eye(q), (len(capped), q, q))
+    groups = [(one_sided, pressed, 0.0 * pressed, np.zeros((len(one_sided), q)))]
+    groups += [(has_limit, rise, way * level, held[has_limit]) for way in (1.0, -1.0)]
+    groups += [(capped, 0.0 * whole, way * whole, most) for way in (1.0, -1.0)]
+    blocks, limits = [sparse.csr_array((0, 2 * m))], [np.zeros(0)]
+    for edges, *parts, limit in groups:
+        if len(edges):
+            shape, starts = (limit.size, m), np.arange(len(edges) + 1)
+            sides = (sparse.bsr_array((part, edges, starts), shape=shape) for part in parts)
+            blocks.append(sparse.csr_array(sparse.hstack(list(sides))))
+            limits.append(limit.ravel())
+    rows = sparse.csr_array(sparse.vstack(blocks))
+    rows.eliminate_zeros()
+    return rows, joined(limits)
 
 
 def both_signs(discretization: Discretization) -> BoolArray:
     """Contact edges (e,) on which friction depends on a σ_N that may have either sign."""
-    is_undecided = [np.zeros(0, dtype=bool)]
-    for rows, contact in limited(discretization):
-        friction = _below(discretization.problem, rows.points.edges, "Contact.friction", contact.friction)
-        is_undecided.append(np.asarray((friction > 0.0).any(axis=1) & (rows.law == "bilateral")))
-    return np.concatenate(is_undecided)
+    frictions = [(_below(law[0]) > 0.0).any(axis=1) for law in shear_laws(discretization.problem)]
+    return np.asarray(_bilateral(discretization) & np.concatenate([np.zeros(0, dtype=bool), *frictions]))
+
+
+def _bilateral(discretization: Discretization) -> BoolArray:
+    """Whether the contact of each edge is bilateral (e,)."""
+    laws = [np.full(len(rows.points.edges), rows.law == "bilateral") for rows, _ in limited(discretization)]
+    return np.concatenate([np.zeros(0, dtype=bool), *laws])
 
 
 def _times(ends: FloatArray, q: int) -> FloatArray:
@@ -149,16 +155,14 @@ def _times(ends: FloatArray, q: int) -> FloatArray:
 
 
 def _affine(ends: FloatArray, degree: int) -> FloatArray:
-    """Bernstein coefficients of affine functions with end values (e, 2), edge by edge."""
-    return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, degree + 1)).ravel()
+    """Bernstein coefficients (e, degree + 1) of affine functions with end values (e, 2)."""
+    return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, degree + 1))
 
 
-def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> FloatArray:
-    """End values (e, 2) ≥ 0 of affine functions below a field: its lowered chord, else its least value."""
-    values = evaluate(name, field, *problem.mesh.points_along(edges, ALONG), minimum=0.0)
+def _below(values: FloatArray) -> FloatArray:
+    """End values (e, 2) ≥ 0 of affine functions below values (e, 33) along edges: the lowered chord, else the least."""
     ends = values[:, [0, -1]]
-    chord = ends[:, :1] + np.diff(ends, axis=1) * ALONG
-    lowered = ends - np.maximum(chord - values, 0.0).max(axis=1)[:, None]
+    lowered = ends - np.maximum(_affine(ends, len(ALONG) - 1) - values, 0.0).max(axis=1)[:, None]
     is_nonnegative = (lowered >= 0.0).all(axis=1)[:, None]
     return np.asarray(np.where(is_nonnegative, lowered, values.min(axis=1)[:, None]))
 
@@ -186,12 +190,8 @@ class YieldCones:
         """The cones for stresses of a degree; with `above`, for the dissipation of flow."""
         count, number = len(exponents(degree)), problem.cell_materials
         blocks = [(np.zeros(0), np.zeros(0, dtype=bool), *np.zeros((3, 0)))]
-        strengths = list[float]()
-        for contact in problem.contacts:
-            places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
-            fields = {name: getattr(contact, name) for name in ("cohesion", "shear_limit")}
-            strengths += [float(evaluate(f"Contact.{name}", field, *places, minimum=0.0).max())
-                          for name, field in fields.items() if field is not None]  # fmt: skip
+        of_contacts = (float(values.max()) for law in shear_laws(problem) for values in law[1:])
+        strengths = [each for each in of_contacts if each < np.inf]
         for index, material in enumerate(problem.materials):
             cells = np.flatnonzero(number == index)
             if material.strength is None or not len(cells):
@@ -245,17 +245,9 @@ class YieldCones:
 
 
 def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatArray) -> FloatArray:
-    """By how much stresses at points of all triangles exceed the strength there (cells, g) [stress]; 0 if they do not.
+    """By how much stresses exceed the strength (cells, g) [stress] at points x, y (cells, g); 0 if they do not.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem.
-    x, y : (cells, g) arrays
-        The points [length].
-    stress : (cells, g, 3) array
-        (σ_xx, σ_yy, σ_xy) [stress].
-
+    `stress` (cells, g, 3) is (σ_xx, σ_yy, σ_xy) [stress].
     """
     over = np.zeros(x.shape)
     trace, difference = stress[..., 0] + stress[..., 1], stress[..., 0] - stress[..., 1]
