@@ -332,15 +332,16 @@ class Line:
 
     def relief(self) -> FloatArray:
         """∫ (t_max − c)⁺ N_i ds (p,): the factors of −a in ∫ π ds; N_i are hat functions of the places, on arcs B_i."""
-        pieces, hats = self.edges, np.eye(len(self.places))
+        pieces = self.edges
         if not self.arc:  # divided at the places
             low = np.maximum(self.edges[:, 0], self.places[:-1, None])
             high = np.minimum(self.edges[:, 1], self.places[1:, None])
             pieces = np.stack([low, high], axis=-1)[low < high]
         parts, s, error = self._integrated(pieces, saved=True)
-        values = bernstein_basis(_DEGREE, s / self.edges[0, 1]) if self.arc else np.stack(
-            [np.interp(s, self.places, hat) for hat in hats], axis=-1)  # fmt: skip
-        return np.maximum(np.tensordot(parts, values, 2) - error, 0.0)
+        at, hats = s.ravel(), np.eye(len(self.places))
+        values = bernstein_basis(_DEGREE, at / self.edges[0, 1]).T if self.arc else np.stack(
+            [np.interp(at, self.places, hat) for hat in hats])  # fmt: skip
+        return np.maximum(values @ parts.ravel() - error, 0.0)
 
     def _integrated(self, pieces: FloatArray, *, saved: bool) -> tuple[FloatArray, FloatArray, float]:
         """Weighted values (k, q) of π/|[v]_T| at a = 0, or of (t_max − c)⁺, in pieces (n, 2); positions s; error."""
