@@ -32,7 +32,15 @@ from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import APART, FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram, beside
-from qvi_contact.limit.split import coefficients_of, lattice, nodes_along, numbered, part_corners
+from qvi_contact.limit.split import (
+    barycentric_slopes,
+    coefficients_of,
+    derivatives,
+    lattice,
+    nodes_along,
+    numbered,
+    part_corners,
+)
 from qvi_contact.limit.stresses import PASSES, Carried, YieldCones, limited, shear_laws
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID, whole_edges
@@ -186,10 +194,9 @@ class FlowProgram:
         mesh = problem.mesh
         parts = part_corners((mesh.corners - mesh.origin) / mesh.length)
         a, b = (parts[..., i, :] - parts[..., 0, :] for i in (1, 2))
-        self._areas = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2.0  # (cells, 3) of the parts
-        # gradients (cells, 3, 3, 2) of their barycentric coordinates, and ∫ B_i of all coefficients of strain
-        corners = np.concatenate([parts, np.ones((*parts.shape[:3], 1))], axis=-1)
-        self._slopes = np.swapaxes(np.linalg.inv(corners)[..., :2, :], -1, -2)
+        self._areas = np.abs(cross(a, b)) / 2.0  # (cells, 3) of the parts
+        self._slopes, self._parts = barycentric_slopes(parts), parts.reshape(-1, 3, 2)
+        # ∫ B_i of all coefficients of strain
         self._weights = np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
 
     def solved(self, share: float = 0.0, *, known: bool = False, doubted: bool = False) -> Flow:
@@ -302,11 +309,7 @@ class FlowProgram:
     def _strain(self) -> sparse.csr_array:
         """Coefficients of (ε_xx, ε_yy, 2ε_xy), three numbers each, as rows on coefficients of v and bodies."""
         space = self.space
-        slopes = np.einsum("npax,acf->xnpcf", self._slopes, gradient(space.degree, np.eye(3)))
-        _, cells, _, count, width = slopes.shape
-        columns = np.repeat(space.table, count, axis=1)
-        starts, shape = width * np.arange(3 * cells * count + 1), (3 * cells * count, space.count)
-        along_x, along_y = (sparse.csr_array((part.ravel(), columns.ravel(), starts), shape=shape) for part in slopes)
+        along_x, along_y = derivatives(self._parts, space.degree, space.table.reshape(len(self._parts), -1))
         strain = sparse.kron(along_x, [[1, 0], [0, 0], [0, 1]]) + sparse.kron(along_y, [[0, 0], [0, 1], [1, 0]])
         return sparse.csr_array(sparse.hstack([strain, sparse.csr_array((strain.shape[0], 3 * len(space.centres)))]))
 
@@ -362,18 +365,18 @@ class FlowProgram:
             jumps.append(list(space.jumps(contact)))
         weight, one_sided, mu, c, cap = np.concatenate(numbers, axis=1)
         opening, slip = (sparse.csr_array(sparse.vstack(rows) @ space.basis) for rows in zip(*jumps, strict=True))
-        unilateral, rough, capped, count = one_sided > 0.0, mu > 0.0, np.isfinite(cap), len(mu)
-        second = np.flatnonzero(unilateral & rough & capped)
-        price = np.where(~unilateral & rough & capped, cap, np.minimum(c, cap))  # bilateral: any shear up to the cap
-        prices, at = np.append(price, cap[second]), np.append(np.arange(count), second)
+        unilateral, rough, count = one_sided > 0.0, mu > 0.0, len(mu)
+        # slips d, then slips u; with friction a bilateral contact has any shear up to its cap
+        dilating = np.where(rough & ~unilateral, np.inf, np.minimum(c, cap))
+        prices = np.append(dilating, np.where(rough, cap, np.inf))
         affordable = np.flatnonzero(prices <= self.cones.most)
-        prices, at = prices[affordable], at[affordable]
+        prices, at = prices[affordable], np.tile(np.arange(count), 2)[affordable]
         to_jumps, slides = sparse.eye_array(count, format="csr")[at].T.tocsr(), np.isin(np.arange(count), at)
-        size, sticks = len(at), ~slides | (~unilateral & rough & ~capped)
+        size = len(at)
         L = sparse.vstack([slip[slides], -slip[slides], sparse.csr_array((size, slip.shape[1])), -opening[unilateral]])
         dilates = (to_jumps @ sparse.diags_array(np.where(affordable < count, mu[at], 0.0))).tocsr()[unilateral]
         own = sparse.vstack([-to_jumps[slides], -to_jumps[slides], -sparse.eye_array(size), dilates])
-        equal = sparse.vstack([opening[~unilateral], slip[sticks]])
+        equal = sparse.vstack([opening[~unilateral], slip[~slides]])
         most = np.zeros(count)
         np.maximum.at(most, at, prices)
         strengths = np.concatenate([most[slides], most[slides], prices, np.zeros(unilateral.sum())])
