@@ -224,7 +224,8 @@ class Smooth:
         is_fixed[np.unique(linked(first, position, len(unknowns)), return_index=True)[1]] = 1.0
         square = sparse.csc_array(A.T @ A + sparse.diags_array(is_fixed))
         right = np.asarray(A.T @ np.concatenate([v[..., 0].ravel(), -v[..., 1].ravel()]))
-        return float(self._unit) * np.asarray(linalg.splu(square).solve(right)[position])
+        values: FloatArray = linalg.splu(square).solve(right)
+        return np.asarray(float(self._unit) * values[position])
 
     @property
     def _corners(self) -> FloatArray:
