@@ -49,8 +49,7 @@ class LimitLoad(float):
     Notes
     -----
     Where stresses of the mesh cannot follow prescribed tractions point by point, `lower` belongs to tractions with the
-    same resultants on every edge. On bodies that yield and have arcs as sides both numbers are estimates: strengths
-    hold on the straight triangles.
+    same resultants on every edge.
 
     """
 
@@ -70,7 +69,10 @@ class LimitLoad(float):
     collapse: Collapse | None = None
     """The collapse of a body that yields; None if no part of it has a strength, or if a side is not finite."""
     in_time: bool = True
-    """Whether both sides ended within the time limit. If not, the one that did not is infinite, the other one holds."""
+    """Whether both sides ended within the time limit. If not, the one that did not is infinite."""
+    guaranteed: bool = True
+    """Whether the sides are bounds, not estimates: stresses follow the body force exactly, sides of bodies that yield
+    are straight, or only rigid blocks bound the factor."""
 
     def __new__(cls, lower: float, *_: object, **__: object) -> LimitLoad:
         """The number `lower`, to which the fields are added."""
@@ -247,14 +249,17 @@ class LimitProblem:
             in_time = carried.factor == np.inf  # then there is no other side
             if not deadline.over or carried.factor == -np.inf == -of_blocks:
                 raise
-        upper = min(flow.bound, of_blocks)
+        upper, by_blocks = min(flow.bound, of_blocks), of_blocks <= flow.bound
         lower = _checked(carried, upper, is_straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
-            misfit = coefficients_of(self.problem, low.space.element.traction_degree, self.problem.body_potential)[1]
             gaps, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
-            collapse = Collapse(flow.motion, stress, gaps, is_straight and misfit <= _FOLLOWED)
-        violation, by_blocks = max(carried.violation, flow.violation), of_blocks <= flow.bound
-        return LimitLoad(lower, upper, mechanism if by_blocks else None, upper, violation, collapse, in_time)
+            collapse = Collapse(flow.motion, stress, gaps)
+        misfit = coefficients_of(self.problem, low.space.element.traction_degree, self.problem.body_potential)[1]
+        is_guaranteed = (is_straight and misfit <= _FOLLOWED) or (by_blocks and lower == -np.inf)
+        return LimitLoad(
+            lower, upper, mechanism if by_blocks else None, upper, max(carried.violation, flow.violation), collapse,
+            in_time, is_guaranteed,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,8 +272,6 @@ class Collapse:
     """(cells, 3, count, 3): coefficients of (σ_xx, σ_yy, σ_xy) at `lower` on the parts of each triangle [stress]."""
     gap: FloatArray
     """(cells,): the parts of upper − lower by (D38), ≥ 0; the part of a contact edge is shared by its triangles."""
-    guaranteed: bool
-    """Whether both numbers are bounds: sides are straight, and stresses follow the body force exactly."""
 
 
 def _checked(carried: Carried, upper: float, straight: bool) -> float:

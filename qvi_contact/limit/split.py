@@ -223,14 +223,13 @@ class Smooth:
         first = np.broadcast_to(position[:, :1], position.shape)
         is_fixed[np.unique(linked(first, position, len(unknowns)), return_index=True)[1]] = 1.0
         square = sparse.csc_array(A.T @ A + sparse.diags_array(is_fixed))
-        right = np.asarray(A.T @ np.concatenate([v[..., 0].ravel(), -v[..., 1].ravel()]))
-        values: FloatArray = linalg.splu(square).solve(right)
-        return np.asarray(float(self._unit) * values[position])
+        right = float(self._unit) * np.asarray(A.T @ np.concatenate([v[..., 0].ravel(), -v[..., 1].ravel()]))
+        return np.asarray(linalg.splu(square).solve(right))[position]
 
     @property
     def _corners(self) -> FloatArray:
         """Corners (n, 3, 2) of the parts."""
-        return np.array(self.points, dtype=float)[np.array(self.triangles)]
+        return np.asarray(np.array(self.points, dtype=float)[np.array(self.triangles)])
 
 
 def combined(*parts: tuple[Fraction, Terms]) -> Terms:

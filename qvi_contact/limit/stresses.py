@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
+from itertools import chain, product
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -62,6 +63,7 @@ CERTIFIED: Final = 1e-7
 
 _MOST: Final = 1e6  # upper bound of the factor in a second try, if the program without a bound was not solved
 _LOST: Final = 1e-13  # stress by an unknown, relative to that of others in the same rows, that is rounding
+_TRIALS: Final = 40  # largest number of programs with different signs of bilateral pressure
 _COST: Final = 1e4  # cost of the factor, which makes absolute tolerances of multipliers smaller by this factor
 
 _AT_LIMIT: Final = (
@@ -426,27 +428,43 @@ class StressProgram:
         return self._with_signs(self._by_simplex)
 
     def _with_signs(self, solve: Callable[[IntArray], Carried]) -> Carried:
-        """The best answer over signs of bilateral pressure, which programs without friction or its limit suggest."""
+        """The best answer over signs of bilateral pressure, at first those of programs without friction or its limit.
+
+        Then signs of single edges are changed as long as that carries more, in at most `_TRIALS` programs.
+        """
         undecided = both_signs(self.low)
-        first, most = solve(np.full(len(undecided), EITHER)), Carried(np.inf)
+        signs, most, error = np.full(len(undecided), EITHER), Carried(np.inf), None
         if not undecided.any():
-            return first
+            return solve(signs)
+        best = first = Carried(-np.inf)
+        try:
+            best = first = solve(signs)
+        except SolveError as failure:  # other answers stay valid
+            error = failure
         with suppress(SolveError):  # its bound holds for all signs; without it they are tried
             most = solve(np.full(len(undecided), ROUGH))
-        if most.bound <= first.factor + CERTIFIED * (1.0 + abs(first.factor)):
-            return first
-        trials = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
+        starts = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
             normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
-            trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
-        found = [first]
-        for signs in np.unique(trials, axis=0):
+            starts.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
+        single_edges = list(product(np.flatnonzero(undecided), (PRESSURE, TENSION)))
+        tried = {signs.tobytes()}
+        while len(tried) < _TRIALS and not most.bound <= best.factor + CERTIFIED * (1.0 + abs(best.factor)):
+            changes = (np.where(np.arange(len(signs)) == edge, sign, signs) for edge, sign in single_edges)
+            trial = next((each for each in chain(starts, changes) if each.tobytes() not in tried), None)
+            if trial is None or best.factor == np.inf or (deadline.over and len(tried) > len(starts)):
+                break
+            tried.add(trial.tobytes())
             try:
-                found.append(solve(signs))
-            except SolveError:  # other answers stay valid
-                if first.factor == -np.inf:
-                    raise
-        return max(found, key=lambda each: each.factor)
+                found = solve(trial)
+            except SolveError as failure:
+                error = failure
+                continue
+            if found.factor > best.factor + CERTIFIED * (1.0 + abs(best.factor)) or best.factor == -np.inf:
+                best, signs = found, trial
+        if error is not None and best.factor == -np.inf:
+            raise error
+        return best
 
     def _by_simplex(self, signs: IntArray) -> Carried:
         H, limit = whole_edge_rows(self.low, signs)

@@ -87,7 +87,7 @@ def test_units_do_not_matter(unit):
     problem = stretched(Tresca(0.7 * unit), mesh=TriangleMesh.rectangle((2, 2), 1e3, 1e3))
     assert limit_load_factor(problem, ["top"]).lower == pytest.approx(1.4 * unit, rel=1e-6, abs=0.0)
     heavy = replace(problem, body_potential=lambda x, _: 0.1 * unit * np.sin(3e-3 * x))
-    assert not limit_load_factor(heavy, ["top"]).collapse.guaranteed
+    assert not limit_load_factor(heavy, ["top"]).guaranteed
     cornered = [Contact("bottom", 0.0), Contact("right", 0.0), Traction("left", x=1, y=0), Traction("top", x=0, y=-1)]
     pressed = replace(stretched(MohrCoulomb(1e7, 0.5)), conditions=cornered)  # loads are next to nothing
     assert limit_load_factor(pressed, ["left", "top"], degree=3).upper == np.inf
@@ -182,9 +182,10 @@ def test_a_rough_base_or_the_block_gives_way(mu, c):
 
 
 def test_a_bilateral_base_has_friction_under_tension_too():
-    pulled, held = block(None, 0.3, -2.0), Contact("bottom", 0.3, law="bilateral")
-    pulled = replace(pulled, conditions=[held, *pulled.conditions[1:]])
-    assert limit_load_factor(pulled, ["shear"]).lower == pytest.approx(0.6, rel=1e-6)
+    for cells, factor in (((1, 1), 0.6), ((3, 1), np.inf)):  # pressure beside tension has friction without end
+        pulled, held = block(None, 0.3, -2.0, cells), Contact("bottom", 0.3, law="bilateral")
+        pulled = replace(pulled, conditions=[held, *pulled.conditions[1:]])
+        assert limit_load_factor(pulled, ["shear"]).lower == pytest.approx(factor, rel=1e-6)
 
 
 @pytest.mark.parametrize("small", [1e-10, 1e9])
@@ -262,6 +263,19 @@ def test_a_rigid_part_beside_a_bilateral_plate_with_friction():
     mesh = TriangleMesh.rectangle((2, 2)).with_region("rock", lambda _, y: y > 0.5)
     problem = replace(stretched(Tresca(3.0), "stress", mesh), conditions=conditions, regions=rocks)
     assert limit_load_factor(problem, ["push"], degree=3).lower == pytest.approx(2.72, rel=1e-4)  # 0 is no tension
+    grid, loads = TriangleMesh.rectangle((3, 2), 1.0, 0.85), [Traction("top", 0.08, -0.33), Traction("right", 0.0, 0.0)]
+    moved = grid.vertices + 1e-12 * np.random.default_rng(2).normal(size=grid.vertices.shape)  # 2.11 or 0.49 before
+    mesh, metal = (
+        replace(grid, vertices=moved).with_region("rock", lambda x, _: x > 0.5),
+        replace(metal, strength=Mises(1.34)),
+    )
+    conditions = [
+        Contact("bottom", 1.0, cohesion=0.2, law="bilateral"),
+        *loads,
+        Traction("left", 0.34, 0.0, name="push"),
+    ]
+    found = limit_load_factor(ContactProblem(mesh, metal, conditions, regions=rocks), ["push"], degree=3)
+    assert found.lower == pytest.approx(2.62565, rel=1e-5)
 
 
 def test_huge_tractions_and_flows_hide_nothing_that_is_missed():
