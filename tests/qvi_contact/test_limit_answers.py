@@ -10,16 +10,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    InputError,
-    LimitFactor,
-    RefinementStatus,
-    SolveError,
-    TriangleMesh,
-    limit_load_factor,
-    refine,
-    save_problem,
-)
+from qvi_contact import InputError, LimitFactor, RefinementStatus, SolveError, TriangleMesh, limit_load_factor, refine
+from qvi_contact.files import save_problem
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import (
     BodyForces,

@@ -263,19 +263,12 @@ def test_a_rigid_part_beside_a_bilateral_plate_with_friction():
     mesh = TriangleMesh.rectangle((2, 2)).with_region("rock", lambda _, y: y > 0.5)
     problem = replace(stretched(Tresca(3.0), "stress", mesh), conditions=conditions, regions=rocks)
     assert limit_load_factor(problem, ["push"], degree=3).lower == pytest.approx(2.72, rel=1e-4)  # 0 is no tension
-    grid, loads = TriangleMesh.rectangle((3, 2), 1.0, 0.85), [Traction("top", 0.08, -0.33), Traction("right", 0.0, 0.0)]
+    grid, held = TriangleMesh.rectangle((3, 2), 1.0, 0.85), Contact("bottom", 1.0, cohesion=0.2, law="bilateral")
     moved = grid.vertices + 1e-12 * np.random.default_rng(2).normal(size=grid.vertices.shape)  # 2.11 or 0.49 before
-    mesh, metal = (
-        replace(grid, vertices=moved).with_region("rock", lambda x, _: x > 0.5),
-        replace(metal, strength=Mises(1.34)),
-    )
-    conditions = [
-        Contact("bottom", 1.0, cohesion=0.2, law="bilateral"),
-        *loads,
-        Traction("left", 0.34, 0.0, name="push"),
-    ]
-    found = limit_load_factor(ContactProblem(mesh, metal, conditions, regions=rocks), ["push"], degree=3)
-    assert found.lower == pytest.approx(2.62565, rel=1e-5)
+    mesh = replace(grid, vertices=moved).with_region("rock", lambda x, _: x > 0.5)
+    loads = Traction("top", 0.08, -0.33), Traction("right", 0.0, 0.0), Traction("left", 0.34, 0.0, name="push")
+    problem = ContactProblem(mesh, replace(metal, strength=Mises(1.34)), [held, *loads], regions=rocks)
+    assert limit_load_factor(problem, ["push"], degree=3).lower == pytest.approx(2.62565, rel=1e-5)
 
 
 def test_huge_tractions_and_flows_hide_nothing_that_is_missed():
