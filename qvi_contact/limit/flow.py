@@ -51,6 +51,7 @@ from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
 
+_ENDLESS: Final = 1e7  # velocity for a power of 1, from which on motions that break conditions count as none
 _MUCH: Final = 1e-4  # relative increase of dissipation by `repaired` above which flows on faces are tried
 
 
@@ -202,8 +203,9 @@ class FlowProgram:
     def solved(self, share: float = 0.0, *, known: bool = False, doubted: bool = False) -> Flow:
         """The flow with the least bound found; `SolveError` if it breaks its conditions.
 
-        If a finite bound of rigid blocks is `known`, or that every multiple is carried, an infinite bound is returned
-        instead. A `doubted` bound counts only if `falls` finds no motion in which the other loads do positive work.
+        If a finite bound of rigid blocks is `known`, or that every multiple is carried, or if velocities are endless, an
+        infinite bound is returned instead. A `doubted` bound counts only if `falls` finds no motion in which the other
+        loads do positive work.
 
         The flow moves a share of the way to a flow inside all limits, as far as they leave room. With a share of 0,
         strain of parts without tension that have no room is, by equations, across an edge.
@@ -254,7 +256,8 @@ class FlowProgram:
         is_kept = violation <= HELD and power > 0.0
         is_trusted = is_kept and full.q @ x >= 0.0 and not doubted
         is_beyond = not is_trusted and any(each.falls for each in (full, program))
-        if is_beyond or (known and not is_kept):
+        is_endless = float(np.abs(first.x[:n]).max(initial=0.0)) > _ENDLESS
+        if is_beyond or ((known or is_endless) and not is_kept):
             return Flow(-np.inf if is_beyond else np.inf)
         if not is_kept:
             raise SolveError(

@@ -21,7 +21,7 @@ from qvi_contact import (
     strength_reduction_factor,
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.limit import FlowProgram, LimitProblem, StressProgram, check
+from qvi_contact.limit import ConicProgram, FlowProgram, LimitProblem, StressProgram, check
 from qvi_contact.problem import (
     Contact,
     ContactProblem,
@@ -474,8 +474,8 @@ def test_rigid_parts_that_share_a_vertex_turn_about_it():
     assert float(check(limit_proof(problems[0], ["shear"], degree=3))[1]) == pytest.approx(rigid.upper, rel=1e-5)
 
 
-def test_what_rigid_parts_hold_has_no_limit():
-    """Three hinges in a triangle: equations say that it does not move, and that it has power."""
+def test_what_rigid_parts_hold_has_no_limit(monkeypatch):
+    """Three hinges in a triangle: equations say that it does not move, and that it has power. Solvers may not see it."""
     mesh = TriangleMesh.rectangle((3, 1))
     mesh = TriangleMesh(mesh.vertices @ [[1.0, 0.0], [0.2, 1.0]], mesh.cells, mesh.edge_sets)
     mesh = mesh.with_region("rock", lambda x, y: np.hypot(x - 0.578, y - 0.667) > 0.1)
@@ -484,6 +484,14 @@ def test_what_rigid_parts_hold_has_no_limit():
     problem = ContactProblem(mesh, material, [Displacement("bottom", x=0.0, y=0.0), *loads], regions=[rock])
     limit = limit_load_factor(problem, ["left"], degree=3)
     assert (limit.lower, limit.upper) == (np.inf, np.inf)
+    flow, true, seen = LimitProblem.of(problem, ("left",), 3).flows[-1], ConicProgram.solve, []
+
+    def endless(program, *x, **more):
+        answer = SimpleNamespace(x=np.full(len(program.q), 1e12), multipliers=np.zeros(len(program.b)), least=-np.inf)
+        return true(program, *x, **more) if seen else seen.append(program) or answer
+
+    monkeypatch.setattr(ConicProgram, "solve", endless)
+    assert flow.solved().bound == np.inf
 
 
 def test_stresses_of_rigid_parts_that_no_row_sees_are_none():
