@@ -203,8 +203,8 @@ class FlowProgram:
     def solved(self, share: float = 0.0, *, known: bool = False, doubted: bool = False) -> Flow:
         """The flow with the least bound found; `SolveError` if it breaks its conditions.
 
-        If a finite bound of rigid blocks is `known`, or that every multiple is carried, or if velocities are endless, an
-        infinite bound is returned instead. A `doubted` bound counts only if `falls` finds no motion in which the other
+        If a finite bound of rigid blocks is `known`, or that every multiple is carried, or if velocities are endless,
+        an infinite bound is returned instead. A `doubted` bound counts only if `falls` finds no motion in which the other
         loads do positive work.
 
         The flow moves a share of the way to a flow inside all limits, as far as they leave room. With a share of 0,

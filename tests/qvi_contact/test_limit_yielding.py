@@ -475,7 +475,7 @@ def test_rigid_parts_that_share_a_vertex_turn_about_it():
 
 
 def test_what_rigid_parts_hold_has_no_limit(monkeypatch):
-    """Three hinges in a triangle: equations say that it does not move, and that it has power. Solvers may not see it."""
+    """Three hinges in a triangle: equations say that it does not move, and that it has power. Solvers may miss it."""
     mesh = TriangleMesh.rectangle((3, 1))
     mesh = TriangleMesh(mesh.vertices @ [[1.0, 0.0], [0.2, 1.0]], mesh.cells, mesh.edge_sets)
     mesh = mesh.with_region("rock", lambda x, y: np.hypot(x - 0.578, y - 0.667) > 0.1)
