@@ -204,7 +204,7 @@ class FlowProgram:
         """The flow with the least bound found; `SolveError` if it breaks its conditions.
 
         If a finite bound of rigid blocks is `known`, or that every multiple is carried, or if velocities are endless,
-        an infinite bound is returned instead. A `doubted` bound counts only if `falls` finds no motion in which the other
+        the bound is infinite instead. A `doubted` bound counts only if `falls` finds no motion in which the other
         loads do positive work.
 
         The flow moves a share of the way to a flow inside all limits, as far as they leave room. With a share of 0,
