@@ -14,9 +14,10 @@ In `docs/theory.md`: (D37), (D38).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
@@ -29,11 +30,10 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import product_integrals
 from qvi_contact.element.triangle import bernstein as bernstein_values
-from qvi_contact.element.triangle import gradient, quadrature
+from qvi_contact.element.triangle import quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import APART, FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram, beside
 from qvi_contact.limit.split import (
-    barycentric_slopes,
     coefficients_of,
     derivatives,
     lattice,
@@ -45,13 +45,13 @@ from qvi_contact.limit.stresses import PASSES, Carried, YieldCones, limited, she
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID, whole_edges
 from qvi_contact.mesh.edges import Edges, cross
-from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Traction
-from qvi_contact.problem.fields import along_edges
+from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Displacement, Traction, components
+from qvi_contact.problem.fields import along_edges, times
+from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
 
-_ENDLESS: Final = 1e7  # velocity for a power of 1, from which on motions that break conditions count as none
 _MUCH: Final = 1e-4  # relative increase of dissipation by `repaired` above which flows on faces are tried
 
 
@@ -186,6 +186,40 @@ class Velocities:
         return sparse.csr_array(sparse.csc_array(P)[:, columns])
 
 
+def slipping_supports(problem: ContactProblem) -> ContactProblem:
+    """The problem with held edges of bodies that yield as contacts, whose friction and cohesion are the body's own.
+
+    Stresses within the strength are within this law, so that bounds from above hold for the problem itself. Without
+    slip there, no plate could move beside a held edge, as velocities are continuous.
+    """
+    mesh, conditions, sets = problem.mesh, list[Condition](), dict(problem.mesh.edge_sets)
+    for condition in problem.conditions:
+        if not isinstance(condition, Displacement) or len(components(condition)) < 2:
+            conditions.append(condition)
+            continue
+        edges, pairs = mesh.edges(condition.edges), np.asarray(sets.pop(condition.edges))
+        material_of = problem.cell_materials[edges.cells[:, 0]]
+        for index in np.unique(material_of).tolist():
+            name, cones = f"{condition.edges}, {index}", _cones_of_slip(problem.materials[index])
+            sets[name] = pairs[material_of == index]
+            conditions.append(replace(condition, edges=name))
+            for cone in cones[:1]:  # |τ| ≤ c − σ tan φ,  a = 2c cos φ,  β = sin φ
+                sine, a = float(cone.pressure), times(cone.field, float(cone.factor))
+                cosine = math.sqrt(1.0 - sine**2)
+                conditions[-1] = Contact(
+                    name, sine / cosine, cohesion=times(a, 0.5 / cosine), law="unilateral" if sine else "bilateral"
+                )
+    return replace(problem, mesh=replace(mesh, edge_sets=sets), conditions=conditions)
+
+
+def _cones_of_slip(material: Material) -> list[YieldCone]:
+    """The cones of a material with one angle of friction below 90°, which limit the shear on every plane."""
+    law = material.strength
+    if law is None or (isinstance(law, MohrCoulomb) and callable(law.phi)):
+        return []
+    return [cone for cone in law.cones(material.plane) if 0.0 <= cone.pressure < 1.0]
+
+
 class FlowProgram:
     """The program (D37) of a problem; stresses relative to S, lengths to that of the mesh."""
 
@@ -196,16 +230,15 @@ class FlowProgram:
         parts = part_corners((mesh.corners - mesh.origin) / mesh.length)
         a, b = (parts[..., i, :] - parts[..., 0, :] for i in (1, 2))
         self._areas = np.abs(cross(a, b)) / 2.0  # (cells, 3) of the parts
-        self._slopes, self._parts = barycentric_slopes(parts), parts.reshape(-1, 3, 2)
+        self._parts = parts.reshape(-1, 3, 2)
         # ∫ B_i of all coefficients of strain
         self._weights = np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
 
     def solved(self, share: float = 0.0, *, known: bool = False, doubted: bool = False) -> Flow:
         """The flow with the least bound found; `SolveError` if it breaks its conditions.
 
-        If a finite bound of rigid blocks is `known`, or that every multiple is carried, or if velocities are endless,
-        the bound is infinite instead. A `doubted` bound counts only if `falls` finds no motion in which the other
-        loads do positive work.
+        If a finite bound of rigid blocks is `known`, or that every multiple is carried, an infinite bound is returned
+        instead. A `doubted` bound counts only if `falls` finds no motion in which the other loads do positive work.
 
         The flow moves a share of the way to a flow inside all limits, as far as they leave room. With a share of 0,
         strain of parts without tension that have no room is, by equations, across an edge.
@@ -256,8 +289,7 @@ class FlowProgram:
         is_kept = violation <= HELD and power > 0.0
         is_trusted = is_kept and full.q @ x >= 0.0 and not doubted
         is_beyond = not is_trusted and any(each.falls for each in (full, program))
-        is_endless = float(np.abs(first.x[:n]).max(initial=0.0)) > _ENDLESS
-        if is_beyond or ((known or is_endless) and not is_kept):
+        if is_beyond or (known and not is_kept):
             return Flow(-np.inf if is_beyond else np.inf)
         if not is_kept:
             raise SolveError(
@@ -338,11 +370,12 @@ class FlowProgram:
         for name, potential in self.problem.body_forces.items():
             if callable(potential):  # −∫ ∇φ·v dx for the polynomial that stands for φ in the stresses
                 k, row = self.k, np.zeros(space.size)
-                ordinates = coefficients_of(self.problem, k, potential)[0]
-                slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), ordinates)
-                force = -np.einsum("npcx,cf,np->npfx", slopes, _products(k - 1, space.degree), self._areas)
-                for axis in (0, 1):
-                    np.add.at(row, 2 * space.table + axis, force[..., axis] / S)
+                ordinates = coefficients_of(self.problem, k, potential)[0].ravel()
+                numbers = np.arange(len(ordinates)).reshape(len(self._parts), -1)
+                for axis, along in enumerate(derivatives(self._parts, k, numbers)):
+                    slopes = (along @ ordinates).reshape(*self._areas.shape, -1)
+                    force = np.einsum("npc,cf,np->npf", slopes, _products(k - 1, space.degree), self._areas)
+                    np.add.at(row, 2 * space.table + axis, -force / S)
                 yield name, row
 
     def _edge_weights(self, edges: Edges, name: str, field: Field) -> FloatArray:
@@ -417,12 +450,21 @@ class FlowProgram:
         work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree, degree), motion.strain, self._areas)
         gaps: FloatArray = motion.dissipation - np.where(self.cones.strong, 0.0, work)
         table, on_edges = product_integrals(degree, degree + 1), dict[str, FloatArray]()
-        for rows, contact in limited(discretization):
-            flow, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
-            normal, shear = (half[rows.rows].reshape(-1, q) for half in np.split(carried.tractions, 2))
+        rows_of = {contact.name: rows for rows, contact in limited(discretization)}
+        for name, flow in motion.contacts.items():
+            if name in rows_of:
+                rows = rows_of[name]
+                edges, q = rows.points.edges, rows.rule.count
+                normal, shear = (half[rows.rows].reshape(-1, q) for half in np.split(carried.tractions, 2))
+            else:  # a support that slips
+                edges = self.space.mesh.edges(name)
+                xx, yy, xy = np.moveaxis(carried.stress.reshape(-1, 3)[nodes_along(self.problem, degree, edges)], -1, 0)
+                n, t = edges.normal[:, None], edges.tangent[:, None]
+                force = np.stack([xx * n[..., 0] + xy * n[..., 1], xy * n[..., 0] + yy * n[..., 1]], axis=-1)
+                normal, shear = (force * n).sum(axis=-1), (force * t).sum(axis=-1)
             edge_work = np.einsum("ei,ij,ej->e", normal, table, flow.opening)
             edge_work -= np.einsum("ei,ij,ej->e", shear, table, flow.slip)
-            on_edges[contact.name] = flow.dissipation - edge_work * edges.length / self.space.mesh.length
+            on_edges[name] = flow.dissipation - edge_work * edges.length / self.space.mesh.length
         return np.maximum(gaps + by_cell(self.problem, on_edges), 0.0)
 
 

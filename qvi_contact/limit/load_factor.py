@@ -16,7 +16,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.conic import APART, LATE, ROUNDING
-from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram
+from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram, slipping_supports
 from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram, YieldCones
 from qvi_contact.mechanism import Mechanism, upper_bound
@@ -200,19 +200,31 @@ class LimitProblem:
         return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in cone_sets]
 
     def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
-        """The flow with the least bound, and its program."""
+        """The flow with the least bound, and its program. Without a bound, held edges slip as their bodies do."""
         doubted = self.carried.factor == -np.inf  # the mesh carries no multiple, so perhaps no stress does
-        flows = list[tuple[Flow, FlowProgram]]()
-        for program in self.flows:
+        flows, failure = list[tuple[Flow, FlowProgram]](), None
+        for program in (*self.flows, None):
             is_full, is_bounded = program is self.flows[-1], any(flow.bound < np.inf for flow, _ in flows)
+            if program is None and (is_bounded or self.carried.factor == np.inf):
+                break
+            each = program or self._with_slip
             try:
-                flows.append((program.solved(known=known or is_bounded or not is_full, doubted=doubted), program))
-            except SolveError:
-                if is_full and not is_bounded:
-                    raise
+                flows.append((each.solved(known=known or is_bounded or not is_full, doubted=doubted), each))
+            except SolveError as error:
+                failure = error if is_full and not is_bounded else failure
             if flows and flows[-1][0].bound == -np.inf:
                 break
-        return min(flows, key=lambda each: each[0].bound)
+        found = min(flows, key=lambda each: each[0].bound, default=None)
+        if found is None or (failure is not None and found[0].bound == np.inf):
+            raise failure or SolveError(LATE)
+        return found
+
+    @property
+    def _with_slip(self) -> FlowProgram:
+        """The full program, with slip on held edges."""
+        problem = slipping_supports(self.problem)
+        cones = YieldCones.of(problem, self.low.space.element.traction_degree, above=True)
+        return FlowProgram(problem, self.names, cones, self.low.scales)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
@@ -224,7 +236,7 @@ class LimitProblem:
         """The stresses that carry the lower bound."""
         if self.of_blocks[0] == -np.inf:  # no stress carries the loads, so this mesh does not, which rounding may hide
             return Carried(-np.inf, bound=-np.inf)
-        return self.stresses.carried() if self.problem.yields else self.stresses.carried_by_contacts()
+        return self.stresses.carried()
 
     @cached_property
     def limit(self) -> LimitLoad:

@@ -46,18 +46,13 @@ def part_corners(corners: FloatArray) -> FloatArray:
     return np.stack([np.stack([corners[:, a], corners[:, b], centre], axis=1) for a, b in EDGES], axis=1)
 
 
-def barycentric_slopes(corners: FloatArray) -> FloatArray:
-    """Gradients (..., 3, 2) of the barycentric coordinates of triangles with corners (..., 3, 2)."""
-    with_ones = np.concatenate([corners, np.ones((*corners.shape[:-1], 1))], axis=-1)
-    return np.swapaxes(np.linalg.inv(with_ones)[..., :2, :], -1, -2)
-
-
 def derivatives(corners: FloatArray, degree: int, numbers: IntArray) -> list[sparse.csr_array]:
     """∂/∂x and ∂/∂y of polynomials on triangles (n, 3, 2): ordinates, one by one, as rows on numbered ordinates (n, f).
 
     Numbers begin at 0, and those of several triangles may be equal.
     """
-    slopes = np.einsum("nax,acf->xncf", barycentric_slopes(corners), gradient(degree, np.eye(3)))
+    barycentric = np.linalg.inv(np.concatenate([corners, np.ones((len(corners), 3, 1))], axis=-1))[:, :2]
+    slopes = np.einsum("nxa,acf->xncf", barycentric, gradient(degree, np.eye(3)))
     _, n, count, width = slopes.shape
     columns, starts = np.repeat(numbers, count, axis=0).ravel(), width * np.arange(n * count + 1)
     shape = (n * count, int(numbers.max()) + 1)

@@ -326,10 +326,12 @@ class StressProgram:
     def carried(self, share: float = 0.0) -> Carried:
         """The largest factor, with stresses moved the given share of the way to a state inside all limits.
 
-        The stresses are those of the program whose limits are reduced by 1e-8, if it has an answer, so that rounding
-        does not break limits. Where no body yields, the answer of the simplex method comes first.
+        Where no body yields, the simplex method solves the program; for a share it has the first answer. The stresses
+        of bodies that yield are those of the program whose limits are reduced by 1e-8, if it has an answer, so that
+        rounding does not break limits.
         """
-        return self._with_signs(partial(self._within_limits, share=share))
+        of_cones = self.low.problem.yields or share > 0.0
+        return self._with_signs(partial(self._within_limits, share=share) if of_cones else self._by_simplex)
 
     def _within_limits(self, signs: IntArray, share: float) -> Carried:
         """The answer for signs of bilateral pressure."""
@@ -419,14 +421,6 @@ class StressProgram:
             raise SolveError(LATE)
         return carried
 
-    def carried_by_contacts(self) -> Carried:
-        """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
-
-        The simplex method solves it. Its multipliers d ≥ 0 and ν with Gᵀd + Aᵀν = 0 give a bound: from Σ d (h + α h' −
-        G z) ≥ 0 follows α ≤ (h·d + b·ν) / −(h'·d + b'·ν), with rounding added. `SolveError` if it is not solved.
-        """
-        return self._with_signs(self._by_simplex)
-
     def _with_signs(self, solve: Callable[[IntArray], Carried]) -> Carried:
         """The best answer over signs of bilateral pressure, at first those of programs without friction or its limit.
 
@@ -467,6 +461,11 @@ class StressProgram:
         return best
 
     def _by_simplex(self, signs: IntArray) -> Carried:
+        """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
+
+        Multipliers d ≥ 0 and ν with Gᵀd + Aᵀν = 0 give a bound: from Σ d (h + α h' − G z) ≥ 0 follows α ≤ (h·d +
+        b·ν) / −(h'·d + b'·ν), with rounding added.
+        """
         H, limit = whole_edge_rows(self.low, signs)
         if not len(limit):
             return Carried(np.inf)
