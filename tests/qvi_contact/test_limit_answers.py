@@ -10,21 +10,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, LimitFactor, RefinementStatus, SolveError, TriangleMesh, limit_load_factor, refine
+from qvi_contact import InputError, LimitFactor, RefinementStatus, Symmetry, Traction, Tresca, TriangleMesh, refine
 from qvi_contact.files import save_problem
+from qvi_contact.limit import limit_load_factor
 from qvi_contact.mechanism import find_mechanism
-from qvi_contact.problem import (
-    BodyForces,
-    Contact,
-    ContactProblem,
-    Displacement,
-    Expression,
-    Material,
-    MohrCoulomb,
-    Symmetry,
-    Traction,
-    Tresca,
-)
+from qvi_contact.problem import BodyForces, Contact, ContactProblem, Displacement, Expression, Material, MohrCoulomb
+from solvers import SolveError
 from tests.cases import EFFORT
 from tests.qvi_contact.builders import quarter
 from tests.qvi_contact.test_mechanism import wall
