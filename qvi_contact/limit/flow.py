@@ -14,7 +14,6 @@ In `docs/theory.md`: (D37), (D38).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -47,7 +46,7 @@ from qvi_contact.mechanism.bodies import FLUID, whole_edges
 from qvi_contact.mesh.edges import Edges, cross
 from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges, times
-from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
+from qvi_contact.problem.material import Mises, Tresca
 from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
@@ -187,37 +186,31 @@ class Velocities:
 
 
 def slipping_supports(problem: ContactProblem) -> ContactProblem:
-    """The problem with held edges of bodies that yield as contacts, whose friction and cohesion are the body's own.
+    """The problem with held edges as contacts of the cohesion a/2 where |(σ_xx − σ_yy, 2σ_xy)| ≤ a limits stresses.
 
     Stresses within the strength are within this law, so that bounds from above hold for the problem itself. Without
-    slip there, no plate could move beside a held edge, as velocities are continuous.
+    slip there, no plate could move beside a held edge, as velocities are continuous. Without such edges, the problem.
     """
     mesh, conditions, sets = problem.mesh, list[Condition](), dict(problem.mesh.edge_sets)
     for condition in problem.conditions:
-        if not isinstance(condition, Displacement) or len(components(condition)) < 2:
+        edges = mesh.edges(condition.edges)
+        if not isinstance(condition, Displacement) or len(components(condition)) < 2 or edges.bent.any():
             conditions.append(condition)
             continue
-        edges, pairs = mesh.edges(condition.edges), np.asarray(sets.pop(condition.edges))
-        material_of = problem.cell_materials[edges.cells[:, 0]]
+        pairs, material_of = np.column_stack([edges.first, edges.second]), problem.cell_materials[edges.cells[:, 0]]
+        del sets[condition.edges]
         for index in np.unique(material_of).tolist():
-            name, cones = f"{condition.edges}, {index}", _cones_of_slip(problem.materials[index])
+            material, name = problem.materials[index], f"{condition.edges}, {index}"
             sets[name] = pairs[material_of == index]
-            conditions.append(replace(condition, edges=name))
-            for cone in cones[:1]:  # |τ| ≤ c − σ tan φ,  a = 2c cos φ,  β = sin φ
-                sine, a = float(cone.pressure), times(cone.field, float(cone.factor))
-                cosine = math.sqrt(1.0 - sine**2)
-                conditions[-1] = Contact(
-                    name, sine / cosine, cohesion=times(a, 0.5 / cosine), law="unilateral" if sine else "bilateral"
-                )
-    return replace(problem, mesh=replace(mesh, edge_sets=sets), conditions=conditions)
-
-
-def _cones_of_slip(material: Material) -> list[YieldCone]:
-    """The cones of a material with one angle of friction below 90°, which limit the shear on every plane."""
-    law = material.strength
-    if law is None or (isinstance(law, MohrCoulomb) and callable(law.phi)):
-        return []
-    return [cone for cone in law.cones(material.plane) if 0.0 <= cone.pressure < 1.0]
+            if isinstance(material.strength, Tresca | Mises):
+                cone = next(material.strength.cones(material.plane))
+                cohesion = times(cone.field, 0.5 * float(cone.factor))
+                conditions.append(Contact(name, 0.0, cohesion=cohesion, law="bilateral"))
+            else:
+                conditions.append(replace(condition, edges=name))
+    count = len(problem.contacts)
+    relaxed = replace(problem, mesh=replace(mesh, edge_sets=sets), conditions=conditions)
+    return relaxed if len(relaxed.contacts) > count else problem
 
 
 class FlowProgram:

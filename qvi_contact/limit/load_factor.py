@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -199,32 +199,32 @@ class LimitProblem:
         cone_sets = [near.nearer(), all_cones] if all_cones.most > APART * near.least else [all_cones]
         return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in cone_sets]
 
-    def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
-        """The flow with the least bound, and its program. Without a bound, held edges slip as their bodies do."""
-        doubted = self.carried.factor == -np.inf  # the mesh carries no multiple, so perhaps no stress does
-        flows, failure = list[tuple[Flow, FlowProgram]](), None
-        for program in (*self.flows, None):
-            is_full, is_bounded = program is self.flows[-1], any(flow.bound < np.inf for flow, _ in flows)
-            if program is None and (is_bounded or self.carried.factor == np.inf):
-                break
-            each = program or self._with_slip
-            try:
-                flows.append((each.solved(known=known or is_bounded or not is_full, doubted=doubted), each))
-            except SolveError as error:
-                failure = error if is_full and not is_bounded else failure
-            if flows and flows[-1][0].bound == -np.inf:
-                break
-        found = min(flows, key=lambda each: each[0].bound, default=None)
-        if found is None or (failure is not None and found[0].bound == np.inf):
-            raise failure or SolveError(LATE)
-        return found
-
-    @property
-    def _with_slip(self) -> FlowProgram:
-        """The full program, with slip on held edges."""
+    def _programs(self) -> Iterator[FlowProgram]:
+        """The programs to be tried in turn: `flows`, then, for finite loads, the full one with slip on held edges."""
+        yield from self.flows
         problem = slipping_supports(self.problem)
-        cones = YieldCones.of(problem, self.low.space.element.traction_degree, above=True)
-        return FlowProgram(problem, self.names, cones, self.low.scales)
+        if problem is not self.problem and self.carried.factor < np.inf:
+            cones = YieldCones.of(problem, self.low.space.element.traction_degree, above=True)
+            yield FlowProgram(problem, self.names, cones, self.low.scales)
+
+    def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
+        """The flow with the least bound, and its program."""
+        doubted = self.carried.factor == -np.inf  # the mesh carries no multiple, so perhaps no stress does
+        found, failure = list[tuple[Flow, FlowProgram]](), None
+        least, near = np.inf, self.flows[:-1]
+        for program in self._programs():
+            try:
+                flow = program.solved(known=known or least < np.inf or program in near, doubted=doubted)
+            except SolveError as error:
+                failure = failure if program in near or least < np.inf else error
+                continue
+            found.append((flow, program))
+            least = min(least, flow.bound)
+            if least == -np.inf or (least < np.inf and program not in near):
+                break
+        if failure is not None and least == np.inf:
+            raise failure
+        return min(found, key=lambda each: each[0].bound)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
