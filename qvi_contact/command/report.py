@@ -307,11 +307,12 @@ def limit_sentence(limit: LimitLoad) -> str:
         return "no multiple can be carried"
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
-    if limit.collapse is not None and not limit.collapse.guaranteed:
-        numbers = f"between about {_multiple(limit.lower)} and {_multiple(limit.upper)} these loads"
+    sides = ("at least", limit.lower), ("at most", limit.upper)
+    numbers = " and ".join(f"{side} about {_multiple(factor)}" for side, factor in sides if math.isfinite(factor))
+    if numbers and not limit.guaranteed:
         return (
-            f"the body carries {numbers}; these are estimates, not bounds, because sides are arcs or the body force is "
-            "not a polynomial on the mesh"
+            f"the body carries {numbers} these loads; these are estimates, not bounds, because sides are arcs or the "
+            "body force is not a polynomial on the mesh"
         )
     mesh, body = f"this mesh carries {_multiple(limit.lower)} these loads", "the body has no upper limit"
     if limit.upper < math.inf:
@@ -327,7 +328,7 @@ def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict
     document: dict[str, Any] = {
         "outcome": outcome if limit.in_time else "bounded",
         "in_time": limit.in_time,
-        "bounds": limit.collapse is None or limit.collapse.guaranteed,
+        "bounds": limit.guaranteed,
         "factor": limit.lower,
         "upper": limit.upper,
         "message": limit_sentence(limit),

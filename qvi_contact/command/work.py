@@ -26,7 +26,7 @@ from qvi_contact.basics.terminal import solving
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, open_regular, unwritable, write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, QVIError
 from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, evenly, load_problem
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -187,9 +187,10 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         solving(problem_file.title or "limit", verbose=verbose),
     ):
         settings = {name: options.get(name) for name in OPTIONS}
-        problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
-        if proof is not None and not loads:
-            return _prove_not_carried(proof, problem_file, settings, {"target": target, **targets}, as_json)
+        problem, refinement, proof_lines = problem_file.problem, None, list[str]()
+        if "proof" in targets and not loads:
+            unused_options = {"target": target, **targets, "proof": None}
+            return _prove_not_carried(targets["proof"], problem_file, settings, unused_options, as_json)
         named: list[Any] = list(loads) or [Missing()]
         if not report.act(problem, checked_loads(problem, named, "--load")):
             told = ["is 0: name a load to multiply", *_time_remark(problem_file)]
@@ -200,7 +201,6 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             quantity = LimitFactor(list(loads))
             refinement = refined(problem, target=target, quantity=quantity, verbose=verbose, **settings)
             limit_load, problem = refinement.limit, refinement.problem
-        proof_lines = [] if proof is None else _write_proof(proof, problem, loads, settings)
     is_missed = refinement is not None and refinement.status != "reached"
     refined_lines = [] if refinement is None else [refinement.message, *[refinement.status.advice] * is_missed]
     units, reasons, remarks = problem_file.units, dict[str, str](), _time_remark(problem_file)
@@ -228,7 +228,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         write_text(path, limit_page(problem_file, problem, limit_load, lines))
 
     vtk = partial(export.write_collapse_vtu, problem=problem, limit=limit_load, units=units)
-    complete = _write_files(targets, {"plot": plot, "vtk": vtk, "report": page}, reasons)
+    proof = partial(_write_proof, problem=problem, loads=loads, settings=settings, told=proof_lines)
+    complete = _write_files(targets, {"plot": plot, "vtk": vtk, "report": page, "proof": proof}, reasons)
     document = {"loads": list(loads), **report.limit_document(limit_load, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*lines, *proof_lines]))
     is_found = limit_load.in_time and not is_missed and limit_load != -math.inf
@@ -247,21 +248,24 @@ def _prove_not_carried(
     for name, value in unused_options.items():
         if value is not None:
             raise InputError(_option_name(name), value, "needs loads that are multiplied: give --load")
-    proof_lines = _write_proof(path, file.problem, (), settings)
+    proof_lines = list[str]()
+    _write_proof(path, file.problem, (), settings, proof_lines)
     document = {"loads": [], "message": "; ".join(proof_lines), "remarks": _time_remark(file)}
     click.echo(_json_text(document) if as_json else "\n".join([*proof_lines, *_time_remark(file)]))
     return 0
 
 
-def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], settings: Mapping[str, Any]) -> list[str]:
-    """Write a proof file; returns its statements as lines of text."""
+def _write_proof(
+    path: str, problem: ContactProblem, loads: Iterable[str], settings: Mapping[str, Any], told: list[str]
+) -> None:
+    """Write a proof file; adds its statements as lines of text to `told`."""
     from qvi_contact.limit import check_proof as proofs
     from qvi_contact.limit.proof import limit_proof, save_proof
 
     proof = limit_proof(problem, list(loads), **settings)
     save_proof(path, proof)
-    lines = proofs.sentences(*proofs.check(proof)[:2])
-    return lines + [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
+    told += proofs.sentences(*proofs.check(proof)[:2])
+    told += [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
 
 
 def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -573,10 +577,11 @@ def _write_files(
                 click.echo(f"qvi-contact: {reasons[option]} {path}", err=True)
             else:
                 writers[option](path)
-        except (InputError, OSError, MemoryError) as error:  # also raised by libraries while they draw
-            failure = error if isinstance(error, InputError) else unwritable(Path(path), error)
-            name = _option_name(option) if failure.field == "output" else failure.field
-            failure = InputError(name, failure.value, failure.remedy)
+        except (QVIError, OSError, MemoryError) as error:  # also raised by libraries while they draw
+            failure = error if isinstance(error, QVIError) else unwritable(Path(path), error)
+            if isinstance(failure, InputError):
+                name = _option_name(option) if failure.field == "output" else failure.field
+                failure = InputError(name, failure.value, failure.remedy)
             click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
             complete = False
     return complete

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
@@ -24,21 +24,29 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import product_integrals
 from qvi_contact.element.triangle import bernstein as bernstein_values
-from qvi_contact.element.triangle import gradient, quadrature
+from qvi_contact.element.triangle import quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import APART, FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram, beside
-from qvi_contact.limit.split import coefficients_of, lattice, nodes_along, numbered, part_corners
-from qvi_contact.limit.stresses import ALONG, PASSES, Carried, YieldCones, limited
+from qvi_contact.limit.split import (
+    coefficients_of,
+    derivatives,
+    lattice,
+    nodes_along,
+    numbered,
+    part_corners,
+)
+from qvi_contact.limit.stresses import PASSES, Carried, YieldCones, limited, shear_laws
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID, whole_edges
 from qvi_contact.mesh.edges import Edges, cross
-from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction
-from qvi_contact.problem.fields import along_edges
+from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Displacement, Traction, components
+from qvi_contact.problem.fields import along_edges, times
+from qvi_contact.problem.material import Mises, Tresca
 from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
@@ -177,6 +185,34 @@ class Velocities:
         return sparse.csr_array(sparse.csc_array(P)[:, columns])
 
 
+def slipping_supports(problem: ContactProblem) -> ContactProblem:
+    """The problem with held edges as contacts of the cohesion a/2 where |(σ_xx − σ_yy, 2σ_xy)| ≤ a limits stresses.
+
+    Stresses within the strength are within this law, so that bounds from above hold for the problem itself. Without
+    slip there, no plate could move beside a held edge, as velocities are continuous. Without such edges, the problem.
+    """
+    mesh, conditions, sets = problem.mesh, list[Condition](), dict(problem.mesh.edge_sets)
+    for condition in problem.conditions:
+        edges = mesh.edges(condition.edges)
+        if not isinstance(condition, Displacement) or len(components(condition)) < 2 or edges.bent.any():
+            conditions.append(condition)
+            continue
+        pairs, material_of = np.column_stack([edges.first, edges.second]), problem.cell_materials[edges.cells[:, 0]]
+        del sets[condition.edges]
+        for index in np.unique(material_of).tolist():
+            material, name = problem.materials[index], f"{condition.edges}, {index}"
+            sets[name] = pairs[material_of == index]
+            if isinstance(material.strength, Tresca | Mises):
+                cone = next(material.strength.cones(material.plane))
+                cohesion = times(cone.field, 0.5 * float(cone.factor))
+                conditions.append(Contact(name, 0.0, cohesion=cohesion, law="bilateral"))
+            else:
+                conditions.append(replace(condition, edges=name))
+    count = len(problem.contacts)
+    relaxed = replace(problem, mesh=replace(mesh, edge_sets=sets), conditions=conditions)
+    return relaxed if len(relaxed.contacts) > count else problem
+
+
 class FlowProgram:
     """The program (D37) of a problem; stresses relative to S, lengths to that of the mesh."""
 
@@ -186,10 +222,9 @@ class FlowProgram:
         mesh = problem.mesh
         parts = part_corners((mesh.corners - mesh.origin) / mesh.length)
         a, b = (parts[..., i, :] - parts[..., 0, :] for i in (1, 2))
-        self._areas = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / 2.0  # (cells, 3) of the parts
-        # gradients (cells, 3, 3, 2) of their barycentric coordinates, and ∫ B_i of all coefficients of strain
-        corners = np.concatenate([parts, np.ones((*parts.shape[:3], 1))], axis=-1)
-        self._slopes = np.swapaxes(np.linalg.inv(corners)[..., :2, :], -1, -2)
+        self._areas = np.abs(cross(a, b)) / 2.0  # (cells, 3) of the parts
+        self._parts = parts.reshape(-1, 3, 2)
+        # ∫ B_i of all coefficients of strain
         self._weights = np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
 
     def solved(self, share: float = 0.0, *, known: bool = False, doubted: bool = False) -> Flow:
@@ -302,11 +337,7 @@ class FlowProgram:
     def _strain(self) -> sparse.csr_array:
         """Coefficients of (ε_xx, ε_yy, 2ε_xy), three numbers each, as rows on coefficients of v and bodies."""
         space = self.space
-        slopes = np.einsum("npax,acf->xnpcf", self._slopes, gradient(space.degree, np.eye(3)))
-        _, cells, _, count, width = slopes.shape
-        columns = np.repeat(space.table, count, axis=1)
-        starts, shape = width * np.arange(3 * cells * count + 1), (3 * cells * count, space.count)
-        along_x, along_y = (sparse.csr_array((part.ravel(), columns.ravel(), starts), shape=shape) for part in slopes)
+        along_x, along_y = derivatives(self._parts, space.degree, space.table.reshape(len(self._parts), -1))
         strain = sparse.kron(along_x, [[1, 0], [0, 0], [0, 1]]) + sparse.kron(along_y, [[0, 0], [0, 1], [1, 0]])
         return sparse.csr_array(sparse.hstack([strain, sparse.csr_array((strain.shape[0], 3 * len(space.centres)))]))
 
@@ -332,11 +363,12 @@ class FlowProgram:
         for name, potential in self.problem.body_forces.items():
             if callable(potential):  # −∫ ∇φ·v dx for the polynomial that stands for φ in the stresses
                 k, row = self.k, np.zeros(space.size)
-                ordinates = coefficients_of(self.problem, k, potential)[0]
-                slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), ordinates)
-                force = -np.einsum("npcx,cf,np->npfx", slopes, _products(k - 1, space.degree), self._areas)
-                for axis in (0, 1):
-                    np.add.at(row, 2 * space.table + axis, force[..., axis] / S)
+                ordinates = coefficients_of(self.problem, k, potential)[0].ravel()
+                numbers = np.arange(len(ordinates)).reshape(len(self._parts), -1)
+                for axis, along in enumerate(derivatives(self._parts, k, numbers)):
+                    slopes = (along @ ordinates).reshape(*self._areas.shape, -1)
+                    force = np.einsum("npc,cf,np->npf", slopes, _products(k - 1, space.degree), self._areas)
+                    np.add.at(row, 2 * space.table + axis, -force / S)
                 yield name, row
 
     def _edge_weights(self, edges: Edges, name: str, field: Field) -> FloatArray:
@@ -354,30 +386,26 @@ class FlowProgram:
         mesh, space, p = self.space.mesh, self.space, self.space.degree + 1
         contacts = [contact for contact in self.problem.contacts if contact.law != "tied"]
         jumps, numbers = [[sparse.csr_array((0, space.size))] * 2], [np.zeros((5, 0))]
-        for contact in contacts:
-            edges, points = mesh.edges(contact.edges), mesh.points_along(mesh.edges(contact.edges), ALONG)
+        for contact, law in zip(contacts, shear_laws(self.problem), strict=True):
+            edges = mesh.edges(contact.edges)
             weights = edges.length / (mesh.length * p * self.scales.stress)
-            laws = [weights, np.full(len(edges), contact.law == "unilateral")]
-            for name in SHEAR_LAW:  # the largest value along each edge
-                field = getattr(contact, name)
-                values = np.inf if field is None else evaluate(f"Contact.{name}", field, *points, minimum=0.0)
-                laws.append(np.broadcast_to(values, points[0].shape).max(axis=1))
+            laws = [weights, np.full(len(edges), contact.law == "unilateral"), *law.max(axis=-1)]  # largest values
             numbers.append(np.repeat(laws, p, axis=1))
             jumps.append(list(space.jumps(contact)))
         weight, one_sided, mu, c, cap = np.concatenate(numbers, axis=1)
         opening, slip = (sparse.csr_array(sparse.vstack(rows) @ space.basis) for rows in zip(*jumps, strict=True))
-        unilateral, rough, capped, count = one_sided > 0.0, mu > 0.0, np.isfinite(cap), len(mu)
-        second = np.flatnonzero(unilateral & rough & capped)
-        price = np.where(~unilateral & rough & capped, cap, np.minimum(c, cap))  # bilateral: any shear up to the cap
-        prices, at = np.append(price, cap[second]), np.append(np.arange(count), second)
+        unilateral, rough, count = one_sided > 0.0, mu > 0.0, len(mu)
+        # slips d, then slips u; with friction a bilateral contact has any shear up to its cap
+        dilating = np.where(rough & ~unilateral, np.inf, np.minimum(c, cap))
+        prices = np.append(dilating, np.where(rough, cap, np.inf))
         affordable = np.flatnonzero(prices <= self.cones.most)
-        prices, at = prices[affordable], at[affordable]
+        prices, at = prices[affordable], np.tile(np.arange(count), 2)[affordable]
         to_jumps, slides = sparse.eye_array(count, format="csr")[at].T.tocsr(), np.isin(np.arange(count), at)
-        size, sticks = len(at), ~slides | (~unilateral & rough & ~capped)
+        size = len(at)
         L = sparse.vstack([slip[slides], -slip[slides], sparse.csr_array((size, slip.shape[1])), -opening[unilateral]])
         dilates = (to_jumps @ sparse.diags_array(np.where(affordable < count, mu[at], 0.0))).tocsr()[unilateral]
         own = sparse.vstack([-to_jumps[slides], -to_jumps[slides], -sparse.eye_array(size), dilates])
-        equal = sparse.vstack([opening[~unilateral], slip[sticks]])
+        equal = sparse.vstack([opening[~unilateral], slip[~slides]])
         most = np.zeros(count)
         np.maximum.at(most, at, prices)
         strengths = np.concatenate([most[slides], most[slides], prices, np.zeros(unilateral.sum())])
@@ -415,12 +443,21 @@ class FlowProgram:
         work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree, degree), motion.strain, self._areas)
         gaps: FloatArray = motion.dissipation - np.where(self.cones.strong, 0.0, work)
         table, on_edges = product_integrals(degree, degree + 1), dict[str, FloatArray]()
-        for rows, contact in limited(discretization):
-            flow, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
-            normal, shear = (half[rows.rows].reshape(-1, q) for half in np.split(carried.tractions, 2))
+        rows_of = {contact.name: rows for rows, contact in limited(discretization)}
+        for name, flow in motion.contacts.items():
+            if name in rows_of:
+                rows = rows_of[name]
+                edges, q = rows.points.edges, rows.rule.count
+                normal, shear = (half[rows.rows].reshape(-1, q) for half in np.split(carried.tractions, 2))
+            else:  # a support that slips
+                edges = self.space.mesh.edges(name)
+                xx, yy, xy = np.moveaxis(carried.stress.reshape(-1, 3)[nodes_along(self.problem, degree, edges)], -1, 0)
+                n, t = edges.normal[:, None], edges.tangent[:, None]
+                force = np.stack([xx * n[..., 0] + xy * n[..., 1], xy * n[..., 0] + yy * n[..., 1]], axis=-1)
+                normal, shear = (force * n).sum(axis=-1), (force * t).sum(axis=-1)
             edge_work = np.einsum("ei,ij,ej->e", normal, table, flow.opening)
             edge_work -= np.einsum("ei,ij,ej->e", shear, table, flow.slip)
-            on_edges[contact.name] = flow.dissipation - edge_work * edges.length / self.space.mesh.length
+            on_edges[name] = flow.dissipation - edge_work * edges.length / self.space.mesh.length
         return np.maximum(gaps + by_cell(self.problem, on_edges), 0.0)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -16,7 +16,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.conic import APART, LATE, ROUNDING
-from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram
+from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram, slipping_supports
 from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram, YieldCones
 from qvi_contact.mechanism import Mechanism, upper_bound
@@ -49,8 +49,7 @@ class LimitLoad(float):
     Notes
     -----
     Where stresses of the mesh cannot follow prescribed tractions point by point, `lower` belongs to tractions with the
-    same resultants on every edge. On bodies that yield and have arcs as sides both numbers are estimates: strengths
-    hold on the straight triangles.
+    same resultants on every edge.
 
     """
 
@@ -70,7 +69,10 @@ class LimitLoad(float):
     collapse: Collapse | None = None
     """The collapse of a body that yields; None if no part of it has a strength, or if a side is not finite."""
     in_time: bool = True
-    """Whether both sides ended within the time limit. If not, the one that did not is infinite, the other one holds."""
+    """Whether both sides ended within the time limit. If not, the one that did not is infinite."""
+    guaranteed: bool = True
+    """Whether the sides are bounds, not estimates: stresses follow the body force exactly, sides of bodies that yield
+    are straight, or only rigid blocks bound the factor."""
 
     def __new__(cls, lower: float, *_: object, **__: object) -> LimitLoad:
         """The number `lower`, to which the fields are added."""
@@ -197,20 +199,32 @@ class LimitProblem:
         cone_sets = [near.nearer(), all_cones] if all_cones.most > APART * near.least else [all_cones]
         return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in cone_sets]
 
+    def _programs(self) -> Iterator[FlowProgram]:
+        """The programs to be tried in turn: `flows`, then, for finite loads, the full one with slip on held edges."""
+        yield from self.flows
+        problem = slipping_supports(self.problem)
+        if problem is not self.problem and self.carried.factor < np.inf:
+            cones = YieldCones.of(problem, self.low.space.element.traction_degree, above=True)
+            yield FlowProgram(problem, self.names, cones, self.low.scales)
+
     def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
         """The flow with the least bound, and its program."""
         doubted = self.carried.factor == -np.inf  # the mesh carries no multiple, so perhaps no stress does
-        flows = list[tuple[Flow, FlowProgram]]()
-        for program in self.flows:
-            is_full, is_bounded = program is self.flows[-1], any(flow.bound < np.inf for flow, _ in flows)
+        found, failure = list[tuple[Flow, FlowProgram]](), None
+        least, near = np.inf, self.flows[:-1]
+        for program in self._programs():
             try:
-                flows.append((program.solved(known=known or is_bounded or not is_full, doubted=doubted), program))
-            except SolveError:
-                if is_full and not is_bounded:
-                    raise
-            if flows and flows[-1][0].bound == -np.inf:
+                flow = program.solved(known=known or least < np.inf or program in near, doubted=doubted)
+            except SolveError as error:
+                failure = failure if program in near or least < np.inf else error
+                continue
+            found.append((flow, program))
+            least = min(least, flow.bound)
+            if least == -np.inf or (least < np.inf and program not in near):
                 break
-        return min(flows, key=lambda each: each[0].bound)
+        if failure is not None and least == np.inf:
+            raise failure
+        return min(found, key=lambda each: each[0].bound)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
@@ -222,7 +236,7 @@ class LimitProblem:
         """The stresses that carry the lower bound."""
         if self.of_blocks[0] == -np.inf:  # no stress carries the loads, so this mesh does not, which rounding may hide
             return Carried(-np.inf, bound=-np.inf)
-        return self.stresses.carried() if self.problem.yields else self.stresses.carried_by_contacts()
+        return self.stresses.carried()
 
     @cached_property
     def limit(self) -> LimitLoad:
@@ -247,14 +261,17 @@ class LimitProblem:
             in_time = carried.factor == np.inf  # then there is no other side
             if not deadline.over or carried.factor == -np.inf == -of_blocks:
                 raise
-        upper = min(flow.bound, of_blocks)
+        upper, by_blocks = min(flow.bound, of_blocks), of_blocks <= flow.bound
         lower = _checked(carried, upper, is_straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
-            misfit = coefficients_of(self.problem, low.space.element.traction_degree, self.problem.body_potential)[1]
             gaps, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
-            collapse = Collapse(flow.motion, stress, gaps, is_straight and misfit <= _FOLLOWED)
-        violation, by_blocks = max(carried.violation, flow.violation), of_blocks <= flow.bound
-        return LimitLoad(lower, upper, mechanism if by_blocks else None, upper, violation, collapse, in_time)
+            collapse = Collapse(flow.motion, stress, gaps)
+        misfit = coefficients_of(self.problem, low.space.element.traction_degree, self.problem.body_potential)[1]
+        is_guaranteed = (is_straight and misfit <= _FOLLOWED) or (by_blocks and lower == -np.inf)
+        return LimitLoad(
+            lower, upper, mechanism if by_blocks else None, upper, max(carried.violation, flow.violation), collapse,
+            in_time, is_guaranteed,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,8 +284,6 @@ class Collapse:
     """(cells, 3, count, 3): coefficients of (σ_xx, σ_yy, σ_xy) at `lower` on the parts of each triangle [stress]."""
     gap: FloatArray
     """(cells,): the parts of upper − lower by (D38), ≥ 0; the part of a contact edge is shared by its triangles."""
-    guaranteed: bool
-    """Whether both numbers are bounds: sides are straight, and stresses follow the body force exactly."""
 
 
 def _checked(carried: Carried, upper: float, straight: bool) -> float:

@@ -19,7 +19,7 @@ from scipy import sparse
 from scipy.sparse import linalg
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
-from qvi_contact.element.triangle import EDGES, bernstein, exponents
+from qvi_contact.element.triangle import EDGES, bernstein, exponents, gradient
 from qvi_contact.limit.check_proof import cross, less
 from qvi_contact.mechanism.bodies import whole_edges
 from qvi_contact.mesh.edges import Edges
@@ -44,6 +44,19 @@ def part_corners(corners: FloatArray) -> FloatArray:
     """Corners (n, 3, 3, 2) of the three parts of triangles with corners (n, 3, 2): an edge, then the barycentre."""
     centre = corners.mean(axis=1)
     return np.stack([np.stack([corners[:, a], corners[:, b], centre], axis=1) for a, b in EDGES], axis=1)
+
+
+def derivatives(corners: FloatArray, degree: int, numbers: IntArray) -> list[sparse.csr_array]:
+    """∂/∂x and ∂/∂y of polynomials on triangles (n, 3, 2): ordinates, one by one, as rows on numbered ordinates (n, f).
+
+    Numbers begin at 0, and those of several triangles may be equal.
+    """
+    barycentric = np.linalg.inv(np.concatenate([corners, np.ones((len(corners), 3, 1))], axis=-1))[:, :2]
+    slopes = np.einsum("nxa,acf->xncf", barycentric, gradient(degree, np.eye(3)))
+    _, n, count, width = slopes.shape
+    columns, starts = np.repeat(numbers, count, axis=0).ravel(), width * np.arange(n * count + 1)
+    shape = (n * count, int(numbers.max()) + 1)
+    return [sparse.csr_array((part.ravel(), columns, starts), shape=shape) for part in slopes]
 
 
 def lattice(degree: int) -> FloatArray:
@@ -183,39 +196,35 @@ class Smooth:
 
     def rounded(self, rough: FloatArray) -> list[Fraction]:
         """Values of all unknowns, from the first on, of rough ordinates (n, count)."""
-        columns, p = self.columns - self.first, self.p
+        columns, corners = self.columns - self.first, np.array(self.triangles)
         values = np.zeros(int(columns.max()) + 1)
         values[columns] = rough
-        corners = np.array(self.triangles)
-        points = np.array(self.points, dtype=float)[corners]
-        for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            keys = (tuple((p - 1) * (n == a) + (n == each) for n in range(3)) for each in (a, b, c))
-            at_corner, *neighbours = (rough[:, self._place[key]] for key in keys)
-            arms = np.stack([points[:, b] - points[:, a], points[:, c] - points[:, a]], axis=1)
-            rises = p * np.stack([each - at_corner for each in neighbours], axis=1)
-            slopes = np.linalg.solve(arms, rises[..., None])[..., 0] * float(self._unit)
-            values[3 * corners[:, a, None] + np.arange(3)] = np.column_stack([at_corner, slopes])
+        tips, slope_tips = (exponents(degree).argmax(axis=0) for degree in (self.p, self.p - 1))
+        slopes = (each @ values for each in derivatives(self._corners, self.p, columns))
+        at_tips = [each.reshape(len(corners), -1)[:, slope_tips] * float(self._unit) for each in slopes]
+        values[3 * corners[..., None] + np.arange(3)] = np.stack([rough[:, tips], *at_tips], axis=-1)
         return [Fraction(value) for value in values.tolist()]
 
     def integrated(self, v: FloatArray) -> FloatArray:
         """Rough ordinates (n, count) of ψ with (ψ_y, −ψ_x) = v, from ordinates (n, ·, 2) of v.
 
-        They solve p (c_(α + e_i) − c_(α + e_0)) = (x_i − x_0) × v_α, with c = 0 at one node of each connected part.
+        ψ = 0 at one node of each connected part.
         """
-        neighbours = np.array([[self._place[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
-                         for alpha in exponents(self.p - 1).tolist()])  # fmt: skip
         unknowns, position = np.unique(self.columns, return_inverse=True)
         position = position.reshape(self.columns.shape)
-        corners = np.array(self.points, dtype=float)[np.array(self.triangles)]
-        arms = (corners[:, 1:] - corners[:, :1])[:, None]
-        right = v[..., None, 0] * arms[..., 1] - v[..., None, 1] * arms[..., 0]
-        start, end = np.broadcast_arrays(position[..., neighbours[:, :1]], position[..., neighbours[:, 1:]])
-        identity = sparse.eye_array(len(unknowns), format="csr")
-        A = self.p * (identity[end.ravel()] - identity[start.ravel()])
+        along_x, along_y = derivatives(self._corners * float(1 / self._unit), self.p, position)
+        A = sparse.vstack([along_y, along_x])
         is_fixed = np.zeros(len(unknowns))
-        is_fixed[np.unique(linked(start, end, len(unknowns)), return_index=True)[1]] = 1.0
+        first = np.broadcast_to(position[:, :1], position.shape)
+        is_fixed[np.unique(linked(first, position, len(unknowns)), return_index=True)[1]] = 1.0
         square = sparse.csc_array(A.T @ A + sparse.diags_array(is_fixed))
-        return np.asarray(linalg.splu(square).solve(np.asarray(A.T @ right.ravel())))[position]
+        right = float(self._unit) * np.asarray(A.T @ np.concatenate([v[..., 0].ravel(), -v[..., 1].ravel()]))
+        return np.asarray(linalg.splu(square).solve(right))[position]
+
+    @property
+    def _corners(self) -> FloatArray:
+        """Corners (n, 3, 2) of the parts."""
+        return np.asarray(np.array(self.points, dtype=float)[np.array(self.triangles)])
 
 
 def combined(*parts: tuple[Fraction, Terms]) -> Terms:

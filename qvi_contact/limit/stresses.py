@@ -17,12 +17,13 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
+from itertools import chain, product
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
@@ -30,9 +31,8 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.conic import APART, FACES, HELD, LATE, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
-from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import Contact
+from qvi_contact.problem.conditions import SHEAR_LAW, Contact
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.progress import deadline
@@ -63,6 +63,7 @@ CERTIFIED: Final = 1e-7
 
 _MOST: Final = 1e6  # upper bound of the factor in a second try, if the program without a bound was not solved
 _LOST: Final = 1e-13  # stress by an unknown, relative to that of others in the same rows, that is rounding
+_TRIALS: Final = 40  # largest number of programs with different signs of bilateral pressure
 _COST: Final = 1e4  # cost of the factor, which makes absolute tolerances of multipliers smaller by this factor
 
 _AT_LIMIT: Final = (
@@ -93,52 +94,59 @@ def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]
     return [(rows, contact) for rows, contact in pairs if rows.law != "tied"]
 
 
+def shear_laws(problem: ContactProblem) -> list[FloatArray]:
+    """μ, c and t_max [stress] (3, e, 33) along the edges of each contact that limits tractions; without a cap ∞."""
+    laws = list[FloatArray]()
+    for contact in problem.contacts:
+        if contact.law != "tied":
+            places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
+            fields = {name: getattr(contact, name) for name in SHEAR_LAW}
+            laws.append(np.stack([np.full(places[0].shape, np.inf) if field is None else
+                                  evaluate(f"Contact.{name}", field, *places, minimum=0.0)
+                                  for name, field in fields.items()]))  # fmt: skip
+    return laws
+
+
 def whole_edge_rows(discretization: Discretization, signs: IntArray) -> tuple[sparse.csr_array, FloatArray]:
     """Rows H [σ_N; σ_T] ≤ limit of (D24), for the rows of N and T of (D2), dimensionless.
 
     The `signs` (e,) of σ_N on all contact edges count on the edges of `both_signs`.
     """
-    problem, stress, m = discretization.problem, discretization.scales.stress, discretization.qvi.m
-    blocks, limits, first = [sparse.csr_array((0, 2 * m))], [np.zeros(0)], 0
-    for rows, contact in limited(discretization):
-        edges, q = rows.points.edges, rows.rule.count
-        friction, cohesion = (
-            _below(problem, edges, f"Contact.{name}", getattr(contact, name)) for name in ("friction", "cohesion")
-        )
-        sign = np.full(len(edges), PRESSURE)
-        if rows.law == "bilateral":
-            sign = np.where((friction > 0.0).any(axis=1), signs[first : first + len(edges)], EITHER)
-        first += len(edges)
-        identity = np.broadcast_to(np.eye(q), (len(edges), q, q))
-        slope, elevation = _times(-sign[:, None] * friction, q), _times(np.ones((len(edges), 2)), q)
-        one_sided, all_edges, has_limit = abs(sign) == 1, np.ones(len(edges), dtype=bool), sign != ROUGH
-        pressure_rows = -sign[one_sided, None, None] * np.eye(q)
-        groups = [(one_sided, pressure_rows, 0.0 * pressure_rows, np.zeros(len(pressure_rows) * q))]
-        held = _affine(cohesion[has_limit], q) / stress
-        groups += [(has_limit, slope[has_limit], way * elevation[has_limit], held) for way in (1.0, -1.0)]
-        if contact.shear_limit is not None:
-            cap = _affine(_below(problem, edges, "Contact.shear_limit", contact.shear_limit), q - 1) / stress
-            groups += [(all_edges, 0.0 * identity, way * identity, cap) for way in (1.0, -1.0)]
-        for chosen, normal, shear, limit in groups:
-            row_of_traction = rows.rows.start + q * np.flatnonzero(chosen)[:, None, None] + np.arange(q)
-            row_numbers = np.arange(len(limit)).reshape(*normal.shape[:2], 1)
-            values = np.concatenate([normal, shear], axis=2)
-            columns = np.concatenate([row_of_traction, m + row_of_traction], axis=2)
-            row_numbers, columns = np.broadcast_arrays(row_numbers, columns)
-            part = sparse.csr_array((values.ravel(), (row_numbers.ravel(), columns.ravel())), shape=(len(limit), 2 * m))
-            part.eliminate_zeros()
-            blocks.append(part)
-            limits.append(limit)
-    return sparse.csr_array(sparse.vstack(blocks)), joined(limits)
+    stress, m, q = discretization.scales.stress, discretization.qvi.m, discretization.rule.count
+    no_edges = np.zeros((3, 0, len(ALONG)))
+    friction, cohesion, cap = np.concatenate([no_edges, *shear_laws(discretization.problem)], axis=1)
+    slope, is_undecided, is_bilateral = _below(friction), both_signs(discretization), _bilateral(discretization)
+    sign = np.where(is_undecided, signs, np.where(is_bilateral, EITHER, PRESSURE))
+    one_sided, has_limit, capped = map(np.flatnonzero, (abs(sign) == 1, sign != ROUGH, np.isfinite(cap).all(axis=1)))
+    # edges, blocks on their q rows of σ_N and of σ_T, and limits
+    rise, level = _times(-sign[:, None] * slope, q)[has_limit], _times(np.ones((len(has_limit), 2)), q)
+    most, held = (_affine(_below(each), degree) / stress for each, degree in ((cap[capped], q - 1), (cohesion, q)))
+    pressed, whole = -sign[one_sided, None, None] * np.eye(q), np.broadcast_to(np.eye(q), (len(capped), q, q))
+    groups = [(one_sided, pressed, 0.0 * pressed, np.zeros((len(one_sided), q)))]
+    groups += [(has_limit, rise, way * level, held[has_limit]) for way in (1.0, -1.0)]
+    groups += [(capped, 0.0 * whole, way * whole, most) for way in (1.0, -1.0)]
+    blocks, limits = [sparse.csr_array((0, 2 * m))], [np.zeros(0)]
+    for edges, *parts, limit in groups:
+        if len(edges):
+            shape, starts = (limit.size, m), np.arange(len(edges) + 1)
+            sides = (sparse.bsr_array((part, edges, starts), shape=shape) for part in parts)
+            blocks.append(sparse.csr_array(sparse.hstack(list(sides))))
+            limits.append(limit.ravel())
+    rows = sparse.csr_array(sparse.vstack(blocks))
+    rows.eliminate_zeros()
+    return rows, joined(limits)
 
 
 def both_signs(discretization: Discretization) -> BoolArray:
     """Contact edges (e,) on which friction depends on a σ_N that may have either sign."""
-    is_undecided = [np.zeros(0, dtype=bool)]
-    for rows, contact in limited(discretization):
-        friction = _below(discretization.problem, rows.points.edges, "Contact.friction", contact.friction)
-        is_undecided.append(np.asarray((friction > 0.0).any(axis=1) & (rows.law == "bilateral")))
-    return np.concatenate(is_undecided)
+    frictions = [(_below(law[0]) > 0.0).any(axis=1) for law in shear_laws(discretization.problem)]
+    return np.asarray(_bilateral(discretization) & np.concatenate([np.zeros(0, dtype=bool), *frictions]))
+
+
+def _bilateral(discretization: Discretization) -> BoolArray:
+    """Whether the contact of each edge is bilateral (e,)."""
+    laws = [np.full(len(rows.points.edges), rows.law == "bilateral") for rows, _ in limited(discretization)]
+    return np.concatenate([np.zeros(0, dtype=bool), *laws])
 
 
 def _times(ends: FloatArray, q: int) -> FloatArray:
@@ -149,16 +157,14 @@ def _times(ends: FloatArray, q: int) -> FloatArray:
 
 
 def _affine(ends: FloatArray, degree: int) -> FloatArray:
-    """Bernstein coefficients of affine functions with end values (e, 2), edge by edge."""
-    return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, degree + 1)).ravel()
+    """Bernstein coefficients (e, degree + 1) of affine functions with end values (e, 2)."""
+    return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, degree + 1))
 
 
-def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> FloatArray:
-    """End values (e, 2) ≥ 0 of affine functions below a field: its lowered chord, else its least value."""
-    values = evaluate(name, field, *problem.mesh.points_along(edges, ALONG), minimum=0.0)
+def _below(values: FloatArray) -> FloatArray:
+    """End values (e, 2) ≥ 0 of affine functions below values (e, 33) along edges: the lowered chord, else the least."""
     ends = values[:, [0, -1]]
-    chord = ends[:, :1] + np.diff(ends, axis=1) * ALONG
-    lowered = ends - np.maximum(chord - values, 0.0).max(axis=1)[:, None]
+    lowered = ends - np.maximum(_affine(ends, len(ALONG) - 1) - values, 0.0).max(axis=1)[:, None]
     is_nonnegative = (lowered >= 0.0).all(axis=1)[:, None]
     return np.asarray(np.where(is_nonnegative, lowered, values.min(axis=1)[:, None]))
 
@@ -186,12 +192,8 @@ class YieldCones:
         """The cones for stresses of a degree; with `above`, for the dissipation of flow."""
         count, number = len(exponents(degree)), problem.cell_materials
         blocks = [(np.zeros(0), np.zeros(0, dtype=bool), *np.zeros((3, 0)))]
-        strengths = list[float]()
-        for contact in problem.contacts:
-            places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
-            fields = {name: getattr(contact, name) for name in ("cohesion", "shear_limit")}
-            strengths += [float(evaluate(f"Contact.{name}", field, *places, minimum=0.0).max())
-                          for name, field in fields.items() if field is not None]  # fmt: skip
+        of_contacts = (float(values.max()) for law in shear_laws(problem) for values in law[1:])
+        strengths = [each for each in of_contacts if each < np.inf]
         for index, material in enumerate(problem.materials):
             cells = np.flatnonzero(number == index)
             if material.strength is None or not len(cells):
@@ -245,17 +247,9 @@ class YieldCones:
 
 
 def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatArray) -> FloatArray:
-    """By how much stresses at points of all triangles exceed the strength there (cells, g) [stress]; 0 if they do not.
+    """By how much stresses exceed the strength (cells, g) [stress] at points x, y (cells, g); 0 if they do not.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem.
-    x, y : (cells, g) arrays
-        The points [length].
-    stress : (cells, g, 3) array
-        (σ_xx, σ_yy, σ_xy) [stress].
-
+    `stress` (cells, g, 3) is (σ_xx, σ_yy, σ_xy) [stress].
     """
     over = np.zeros(x.shape)
     trace, difference = stress[..., 0] + stress[..., 1], stress[..., 0] - stress[..., 1]
@@ -332,10 +326,12 @@ class StressProgram:
     def carried(self, share: float = 0.0) -> Carried:
         """The largest factor, with stresses moved the given share of the way to a state inside all limits.
 
-        The stresses are those of the program whose limits are reduced by 1e-8, if it has an answer, so that rounding
-        does not break limits. Where no body yields, the answer of the simplex method comes first.
+        Where no body yields, the simplex method solves the program; for a share it has the first answer. The stresses
+        of bodies that yield are those of the program whose limits are reduced by 1e-8, if it has an answer, so that
+        rounding does not break limits.
         """
-        return self._with_signs(partial(self._within_limits, share=share))
+        of_cones = self.low.problem.yields or share > 0.0
+        return self._with_signs(partial(self._within_limits, share=share) if of_cones else self._by_simplex)
 
     def _within_limits(self, signs: IntArray, share: float) -> Carried:
         """The answer for signs of bilateral pressure."""
@@ -425,38 +421,51 @@ class StressProgram:
             raise SolveError(LATE)
         return carried
 
-    def carried_by_contacts(self) -> Carried:
-        """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
-
-        The simplex method solves it. Its multipliers d ≥ 0 and ν with Gᵀd + Aᵀν = 0 give a bound: from Σ d (h + α h' −
-        G z) ≥ 0 follows α ≤ (h·d + b·ν) / −(h'·d + b'·ν), with rounding added. `SolveError` if it is not solved.
-        """
-        return self._with_signs(self._by_simplex)
-
     def _with_signs(self, solve: Callable[[IntArray], Carried]) -> Carried:
-        """The best answer over signs of bilateral pressure, which programs without friction or its limit suggest."""
+        """The best answer over signs of bilateral pressure, at first those of programs without friction or its limit.
+
+        Then signs of single edges are changed as long as that carries more, in at most `_TRIALS` programs.
+        """
         undecided = both_signs(self.low)
-        first, most = solve(np.full(len(undecided), EITHER)), Carried(np.inf)
+        signs, most, error = np.full(len(undecided), EITHER), Carried(np.inf), None
         if not undecided.any():
-            return first
+            return solve(signs)
+        best = first = Carried(-np.inf)
+        try:
+            best = first = solve(signs)
+        except SolveError as failure:  # other answers stay valid
+            error = failure
         with suppress(SolveError):  # its bound holds for all signs; without it they are tried
             most = solve(np.full(len(undecided), ROUGH))
-        if most.bound <= first.factor + CERTIFIED * (1.0 + abs(first.factor)):
-            return first
-        trials = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
+        starts = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
             normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
-            trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
-        found = [first]
-        for signs in np.unique(trials, axis=0):
+            starts.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
+        single_edges = list(product(np.flatnonzero(undecided), (PRESSURE, TENSION)))
+        tried = {signs.tobytes()}
+        while len(tried) < _TRIALS and not most.bound <= best.factor + CERTIFIED * (1.0 + abs(best.factor)):
+            changes = (np.where(np.arange(len(signs)) == edge, sign, signs) for edge, sign in single_edges)
+            trial = next((each for each in chain(starts, changes) if each.tobytes() not in tried), None)
+            if trial is None or best.factor == np.inf or (deadline.over and len(tried) > len(starts)):
+                break
+            tried.add(trial.tobytes())
             try:
-                found.append(solve(signs))
-            except SolveError:  # other answers stay valid
-                if first.factor == -np.inf:
-                    raise
-        return max(found, key=lambda each: each.factor)
+                found = solve(trial)
+            except SolveError as failure:
+                error = failure
+                continue
+            if found.factor > best.factor + CERTIFIED * (1.0 + abs(best.factor)) or best.factor == -np.inf:
+                best, signs = found, trial
+        if error is not None and best.factor == -np.inf:
+            raise error
+        return best
 
     def _by_simplex(self, signs: IntArray) -> Carried:
+        """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
+
+        Multipliers d ≥ 0 and ν with Gᵀd + Aᵀν = 0 give a bound: from Σ d (h + α h' − G z) ≥ 0 follows α ≤ (h·d +
+        b·ν) / −(h'·d + b'·ν), with rounding added.
+        """
         H, limit = whole_edge_rows(self.low, signs)
         if not len(limit):
             return Carried(np.inf)

@@ -33,7 +33,8 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.element.edge import adapted, bernstein_basis, bernstein_from_values, constant, lobatto_points
-from qvi_contact.mesh.edges import Edges, angles, frames_along, points_along, vectors_along
+from qvi_contact.mesh.edges import Edges, angles, cross, frames_along, points_along, vectors_along
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, Traction
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
@@ -99,8 +100,7 @@ class Bodies:
         moving = np.flatnonzero(body >= 0)
         at = body[moving]
         arm, d = points[moving] - self.centre[at], direction[moving]
-        turn = (arm[:, 0] * d[:, 1] - arm[:, 1] * d[:, 0]) / self.size[at]
-        rows[moving, at] = np.column_stack([d, turn])
+        rows[moving, at] = np.column_stack([d, cross(arm, d) / self.size[at]])
         return rows.reshape(len(body), 3 * len(self))
 
     def number(self, contact: Contact) -> int:
@@ -141,66 +141,57 @@ def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
     """Works of tractions, plates, body forces and fluids by the names of loads in a limit analysis."""
     rows, sizes = dict[str, FloatArray](), dict[str, float]()
     for name, row, size in _acting(problem, bodies):
-        rows[name], sizes[name] = rows.get(name, 0.0) + row, sizes.get(name, 0.0) + size
+        rows[name], sizes[name] = rows.get(name, 0.0) + row.ravel(), sizes.get(name, 0.0) + size
     return {name: Work(np.where(np.abs(row) > _NO_WORK * sizes[name], row, 0.0), sizes[name])
             for name, row in rows.items()}  # fmt: skip
 
 
 def _acting(problem: ContactProblem, bodies: Bodies) -> Iterator[tuple[str, FloatArray, float]]:
-    """Parts of the works of loads: name, row and size; several parts may have one name."""
+    """Parts of the works of loads: name, row (k, 3) and size; several parts may have one name."""
     mesh = problem.mesh
     for given in problem.prescribed(Traction):
         if isinstance(given.condition, Traction):  # the zero shear on a line of symmetry is no load
-            acting = given.direction, given.name, given.value
             loaded = bodies.beside(given.edges)[:1]
-            yield given.condition.name, *_along(problem, bodies, given.edges, loaded, *acting, turns=given.turns)
+            parts = _along(mesh, bodies, given.edges, loaded, given.direction, given.name, given.value, given.turns)
+            yield given.condition.name, *parts
     for contact in problem.contacts:
         if (plate := contact.plate) is not None:
             body, row = bodies.number(contact), np.zeros((len(bodies), 3))
             moment = 0.0 if plate.moment is None else plate.moment_about(*bodies.centre[body]) / bodies.size[body]
             row[body] = plate.force_x or 0.0, plate.force_y or 0.0, moment
-            yield contact.name, row.ravel(), float(np.abs(row).sum())
+            yield contact.name, row, float(np.abs(row).sum())
     first, second = bodies.of_cells[mesh.interior.cells].T
     joints = mesh.interior.take(first != second)  # around each block: the boundary, and joints between two blocks
     for name, field in problem.body_forces.items():
         if callable(field):  # a constant potential has no force
-            for edges, sides in ((mesh.boundary, 1), (joints, 2)):
-                acting = -edges.normal, "ContactProblem.body_potential", field
-                yield name, *_along(problem, bodies, edges, bodies.beside(edges)[:sides], *acting)
+            for edges, count in ((mesh.boundary, 1), (joints, 2)):
+                beside, acting = bodies.beside(edges)[:count], "ContactProblem.body_potential"
+                yield name, *_along(mesh, bodies, edges, beside, -edges.normal, acting, field)
     for contact in problem.contacts:
         if contact.has_fluid:  # −∫ p_w n·v ds on the first body, and the opposite on the second, or on the plate
             edges = mesh.edges(contact.edges)
-            acting = -edges.normal, "Contact.pore_pressure", contact.pore_pressure
-            yield FLUID, *_along(problem, bodies, edges, bodies.beside(edges, contact), *acting)
+            sides, pressure = bodies.beside(edges, contact), contact.pore_pressure
+            yield FLUID, *_along(mesh, bodies, edges, sides, -edges.normal, "Contact.pore_pressure", pressure)
 
 
 def _along(
-    problem: ContactProblem,
-    bodies: Bodies,
-    edges: Edges,
-    sides: Sequence[IntArray],
-    direction: FloatArray,
-    name: str,
-    field: Field,
-    *,
-    turns: bool = True,
-) -> tuple[FloatArray, float]:
-    """Row and size of ∫ f d·u ds of a field f along edges, with directions d (n, 2) that turn along arcs if `turns`.
+    mesh: TriangleMesh, bodies: Bodies, edges: Edges, sides: Sequence[IntArray], direction: FloatArray, name: str,
+    field: Field, turns: bool = True,
+) -> tuple[FloatArray, float]:  # fmt: skip
+    """Row and size of ∫ f d·u ds of a field f along edges, with directions d (n, 2) that turn on arcs if `turns`.
 
     u is the motion of the bodies (n,) on the first side, less that on the second side if `sides` has two.
     """
-    f = along_edges(problem.mesh, edges, name, field)
+    f = along_edges(mesh, edges, name, field)
     parts, weights = edges.take(f.edge), f.values * f.weights * edges.length[f.edge, None]
-    along = vectors_along(parts, direction[f.edge], f.t, turns=turns)
-    points = np.stack(problem.mesh.points_along(parts, f.t), axis=-1)
-    row = np.zeros((len(bodies), 3))
+    vectors = vectors_along(parts, direction[f.edge], f.t, turns=turns)
+    points, row = np.stack(mesh.points_along(parts, f.t), axis=-1), np.zeros((len(bodies), 3))
     for sign, side in zip((1.0, -1.0), sides, strict=False):
         body = side[f.edge]
-        arms = points - bodies.centre[body, None]
-        turning = (arms[..., 0] * along[..., 1] - arms[..., 1] * along[..., 0]) / bodies.size[body, None]
-        work = (np.concatenate([along, turning[..., None]], axis=-1) * weights[..., None]).sum(axis=1)
+        turning = cross(points - bodies.centre[body, None], vectors) / bodies.size[body, None]
+        work = (np.concatenate([vectors, turning[..., None]], axis=-1) * weights[..., None]).sum(axis=1)
         np.add.at(row, body[body >= 0], sign * work[body >= 0])
-    return row.ravel(), len(sides) * float(np.abs(weights).sum())
+    return row, len(sides) * float(np.abs(weights).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,18 +332,16 @@ class Line:
 
     def relief(self) -> FloatArray:
         """∫ (t_max − c)⁺ N_i ds (p,): the factors of −a in ∫ π ds; N_i are hat functions of the places, on arcs B_i."""
-        if self.arc:
-            parts, s, error = self._integrated(self.edges, saved=True)
-            return np.maximum(parts.ravel() @ bernstein_basis(_DEGREE, s.ravel() / self.edges[0, 1]) - error, 0.0)
-        count, middle = len(self.places), _POINTS // 2
-        low = np.maximum(self.edges[:, 0], self.places[:-1, None])
-        high = np.minimum(self.edges[:, 1], self.places[1:, None])
-        parts, s, error = self._integrated(np.stack([low, high], axis=-1)[low < high], saved=True)
-        at = np.searchsorted(self.places, s[:, middle]) - 1  # every part is between the places at, at + 1
-        share = (s - self.places[at, None]) / np.diff(self.places)[at, None]
-        first, second = (parts * (1.0 - share)).sum(axis=1), (parts * share).sum(axis=1)
-        sums = np.bincount(at, first, count) + np.bincount(at + 1, second, count) - error
-        return np.asarray(np.maximum(sums, 0.0))
+        pieces = self.edges
+        if not self.arc:  # divided at the places
+            low = np.maximum(self.edges[:, 0], self.places[:-1, None])
+            high = np.minimum(self.edges[:, 1], self.places[1:, None])
+            pieces = np.stack([low, high], axis=-1)[low < high]
+        parts, s, error = self._integrated(pieces, saved=True)
+        at, hats = s.ravel(), np.eye(len(self.places))
+        values = bernstein_basis(_DEGREE, at / self.edges[0, 1]).T if self.arc else np.stack(
+            [np.interp(at, self.places, hat) for hat in hats])  # fmt: skip
+        return np.maximum(values @ parts.ravel() - error, 0.0)
 
     def _integrated(self, pieces: FloatArray, *, saved: bool) -> tuple[FloatArray, FloatArray, float]:
         """Weighted values (k, q) of π/|[v]_T| at a = 0, or of (t_max − c)⁺, in pieces (n, 2); positions s; error."""

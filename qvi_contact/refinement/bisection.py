@@ -514,7 +514,7 @@ class LimitStrategy:
             parts = np.ones(mesh.cell_count) if limit.collapse is None else limit.collapse.gap
             needed_share = (1.0 - _INSIDE * self.settings.target / max(estimate, self.settings.target)) / _REMOVED
             finer = partial(self._finer_where_it_yields, mesh, parts, min(max(needed_share, _LEAST_SHARE), _SHARE))
-            exact &= not mesh.curved.any()  # strengths hold on the straight triangles
+            exact &= limit.guaranteed
         else:
             gaps = _edge_gaps(answer)
             parts = by_cell(answer.problem, gaps)

@@ -18,7 +18,7 @@ from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 
 TIME_LIMIT, INFEASIBLE, UNBOUNDED = 1, 2, 3
-"""Status numbers of `linprog`; the first covers limits of steps too."""
+"""Status numbers of `linprog`."""
 
 _SOLVED, _FAILED = 0, 4
 _NOTHING: Vector = np.zeros(0)
@@ -71,6 +71,8 @@ def solved(cost: Vector, *, bounds: Sequence[tuple[float | None, float | None]],
             is_final = deadline.over or not (failed or answer.status == TIME_LIMIT)
             if answer.solved or (is_final and tolerance == _INTERIOR[0][2]):
                 break  # callers check a solution of lower accuracy
+        if answer.status == TIME_LIMIT and not deadline.over:  # HiGHS has one number for limits of time and of steps
+            return Answer(_FAILED, "all attempts reached their limits of steps")
     return answer
 
 

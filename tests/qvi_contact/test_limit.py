@@ -87,11 +87,11 @@ def linprog(monkeypatch):
 
 
 def test_the_linear_program_gets_what_is_left(linprog):
-    """All attempts together 300 seconds at most, less with a limit; too little time is not taken for a load."""
+    """All attempts together 300 seconds at most, less with a limit; limits of steps are not taken for one of time."""
     linprog.change = lambda _: {"status": 1}
     problem = dragged(Contact("bottom", 0.5), mesh=TriangleMesh.rectangle((2, 2)))
     for seconds in (None, 20.0):
-        with pytest.raises(SolveError, match="time limit"):
+        with pytest.raises(SolveError, match="limits of steps"):
             limit_load_factor(problem, ["shear"], time_limit=seconds)
     limits = [options["time_limit"] for options, _ in linprog.calls]
     assert 300.0 >= limits[0] > limits[1] > 20.0 >= limits[-1] > 0.0

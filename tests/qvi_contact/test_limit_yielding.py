@@ -8,34 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from qvi_contact import (
-    InputError,
-    LimitLoad,
-    SolveError,
-    TriangleMesh,
-    limit_load_factor,
-    limit_proof,
-    load_problem,
-    save_problem,
-    solve,
-    strength_reduction_factor,
-)
-from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.limit import FlowProgram, LimitProblem, StressProgram, check
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    Mises,
-    MohrCoulomb,
-    NoTension,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    Tresca,
-)
+from qvi_contact import InputError, LimitLoad, RigidPlate, Symmetry, Traction, Tresca, TriangleMesh, limit_proof, solve
+from qvi_contact.files import load_problem, problem_from_toml, problem_to_toml, save_problem
+from qvi_contact.limit import FlowProgram, LimitProblem, StressProgram, check, limit_load_factor
+from qvi_contact.limit.load_factor import strength_reduction_factor
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Mises, MohrCoulomb, NoTension, Region
+from solvers import SolveError
 from solvers.basics import deadline
 from tests.cases import refused_at, thinned
 from tests.qvi_contact.test_limit_answers import ground
@@ -87,7 +65,7 @@ def test_units_do_not_matter(unit):
     problem = stretched(Tresca(0.7 * unit), mesh=TriangleMesh.rectangle((2, 2), 1e3, 1e3))
     assert limit_load_factor(problem, ["top"]).lower == pytest.approx(1.4 * unit, rel=1e-6, abs=0.0)
     heavy = replace(problem, body_potential=lambda x, _: 0.1 * unit * np.sin(3e-3 * x))
-    assert not limit_load_factor(heavy, ["top"]).collapse.guaranteed
+    assert not limit_load_factor(heavy, ["top"]).guaranteed
     cornered = [Contact("bottom", 0.0), Contact("right", 0.0), Traction("left", x=1, y=0), Traction("top", x=0, y=-1)]
     pressed = replace(stretched(MohrCoulomb(1e7, 0.5)), conditions=cornered)  # loads are next to nothing
     assert limit_load_factor(pressed, ["left", "top"], degree=3).upper == np.inf
@@ -182,9 +160,10 @@ def test_a_rough_base_or_the_block_gives_way(mu, c):
 
 
 def test_a_bilateral_base_has_friction_under_tension_too():
-    pulled, held = block(None, 0.3, -2.0), Contact("bottom", 0.3, law="bilateral")
-    pulled = replace(pulled, conditions=[held, *pulled.conditions[1:]])
-    assert limit_load_factor(pulled, ["shear"]).lower == pytest.approx(0.6, rel=1e-6)
+    for cells, factor in (((1, 1), 0.6), ((3, 1), np.inf)):  # pressure beside tension has friction without end
+        pulled, held = block(None, 0.3, -2.0, cells), Contact("bottom", 0.3, law="bilateral")
+        pulled = replace(pulled, conditions=[held, *pulled.conditions[1:]])
+        assert limit_load_factor(pulled, ["shear"]).lower == pytest.approx(factor, rel=1e-6)
 
 
 @pytest.mark.parametrize("small", [1e-10, 1e9])
@@ -262,6 +241,12 @@ def test_a_rigid_part_beside_a_bilateral_plate_with_friction():
     mesh = TriangleMesh.rectangle((2, 2)).with_region("rock", lambda _, y: y > 0.5)
     problem = replace(stretched(Tresca(3.0), "stress", mesh), conditions=conditions, regions=rocks)
     assert limit_load_factor(problem, ["push"], degree=3).lower == pytest.approx(2.72, rel=1e-4)  # 0 is no tension
+    grid, held = TriangleMesh.rectangle((3, 2), 1.0, 0.85), Contact("bottom", 1.0, cohesion=0.2, law="bilateral")
+    moved = grid.vertices + 1e-12 * np.random.default_rng(2).normal(size=grid.vertices.shape)  # 2.11 or 0.49 before
+    mesh = replace(grid, vertices=moved).with_region("rock", lambda x, _: x > 0.5)
+    loads = Traction("top", 0.08, -0.33), Traction("right", 0.0, 0.0), Traction("left", 0.34, 0.0, name="push")
+    problem = ContactProblem(mesh, replace(metal, strength=Mises(1.34)), [held, *loads], regions=rocks)
+    assert limit_load_factor(problem, ["push"], degree=3).lower == pytest.approx(2.62565, rel=1e-5)
 
 
 def test_huge_tractions_and_flows_hide_nothing_that_is_missed():
@@ -341,6 +326,19 @@ def test_a_rigid_punch_by_force_is_two_plus_pi_at_most():
         moved = limit.collapse.motion.plates["punch"]
         assert moved.y < moved.x == moved.rotation == 0.0
         assert mu or 4.3 < limit.lower < limit.upper < 5.6
+
+
+@pytest.mark.parametrize(("law", "beside"), [("unilateral", "rest"), ("bilateral", "left")])
+def test_a_plate_moves_beside_a_held_edge(law, beside):
+    """There the body slips along what holds it: before, nothing moved, and no upper bound was found, or an error."""
+    mesh = TriangleMesh.rectangle((4, 4)).with_edges("foot", lambda x, y: (y > 1 - 1e-9) & (x < 0.5))
+    mesh = mesh.with_edges("rest", lambda x, y: (y > 1 - 1e-9) & (x > 0.5))
+    punch = Contact("foot", 0.5, law=law, plate=RigidPlate(force_y=-1.0, force_x=0.3, rotation=0.0), name="punch")
+    held = [Displacement(side, x=0.0, y=0.0) for side in ("bottom", beside)]
+    free = [Traction(side, 0.0, 0.0) for side in ("left", "right", "rest") if side != beside]
+    limit = limit_load_factor(replace(stretched(Tresca(1.0), mesh=mesh), conditions=[punch, *held, *free]), ["punch"])
+    assert 0.5 < limit.lower < limit.upper < 4.0
+    assert limit.collapse.gap.sum() == pytest.approx(limit.upper - limit.lower, rel=1e-5)
 
 
 @pytest.mark.parametrize("apart", [1e8, 1e12])
