@@ -29,7 +29,7 @@ from qvi_contact.element.edge import bernstein_basis, gauss_legendre
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, between, draw_symbols, ground, spaced, springs
-from qvi_contact.plots.style import Written, alignment, beside, write
+from qvi_contact.plots.style import Labels, beside
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.problem.conditions import SPRINGS, Displacement
 from qvi_contact.problem.material import stress_along_z, stress_at_rest
@@ -267,8 +267,8 @@ class Drawn:
     """Lower left and upper right corner of the drawing [length], (2, 2)."""
     pressure: float
     """Largest pressure on all contacts [stress]; 0 if no tractions were drawn."""
-    written: list[Written]
-    """Numbers of resultants, each with other positions that it may take, see `style.spread`."""
+    labels: Labels
+    """Numbers of resultants."""
 
 
 def draw_body(
@@ -339,25 +339,26 @@ def draw_body(
     label = f"pressure, {' to '.join(ends)} {units.stress}"  # a range if there is tension
     # tractions, line of thrust, resultants
     is_few, friction_text = len(lines) <= _LABELLED, beside([pressure, friction], 3)[1]
+    labels = Labels(axes, extent[2:])
     for line in lines:
         spacing = _SPACING * length if is_few else np.inf
-        extent.append(_tractions(axes, line, pressure_scale, friction_scale, spacing, label))
+        outer = _tractions(axes, line, pressure_scale, friction_scale, spacing, label)
+        extent.append(outer)
+        labels.drawn += [line.place + share * (outer - line.place) for share in (0.0, 0.3, 0.6, 0.9)]
     if friction > 0.0 and friction_text != "0":
         look: dict[str, Any] = {"color": "black", "linewidth": 0.9, "marker": ">", "markersize": 3}
         axes.plot([], [], label=f"friction, up to {friction_text} {units.stress}", **look)
     _thrust(axes, lines)
     labelled = [line for line in lines if is_few or not line.joint]
-    written: list[Written] = []
     if 0 < len(labelled) <= _LABELLED:
-        arrows, written = _resultants(axes, labelled, length, units)
-        extent.append(arrows)
+        extent.append(_resultants(axes, labelled, length, units, labels))
     # the box around all of it, and the colour bar beside it, at least _TALL as high as the box is wide
     box = style.show_all(axes, np.concatenate(extent), units)
     across, up = box[1] - box[0]
     width, tall = 0.04 * max(1.0, float(up / across)), max(1.0, _TALL * float(across / up))
     bar = axes.inset_axes((1.0 + 0.8 * width, (1.0 - tall) / 2.0, width, tall))
     axes.figure.colorbar(bands, cax=bar, label=f"{COMPONENT_LABELS[component]} [{units.stress}]", extend=None)
-    return Drawn(factor, box, pressure, written)
+    return Drawn(factor, box, pressure, labels)
 
 
 def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
@@ -466,12 +467,12 @@ def _tractions(
 
 
 def _resultants(
-    axes: "Axes", lines: Sequence[LineTractions], length: float, units: Units
-) -> tuple[FloatArray, list[Written]]:
-    """Draw resultants as heavy arrows with numbers and eccentricities; returns their ends (n, 2), and the texts."""
+    axes: "Axes", lines: Sequence[LineTractions], length: float, units: Units, labels: Labels
+) -> FloatArray:
+    """Draw resultants as heavy arrows with numbers and eccentricities; returns their ends (n, 2)."""
     resultants = [line.resultant() for line in lines]
     sizes = [float(np.hypot(*force)) for force, _ in resultants]
-    numbers, ends, written = beside(sizes), [np.empty((0, 2))], list[Written]()
+    numbers, ends = beside(sizes), [np.empty((0, 2))]
     for line, (force, centre), size, number in zip(lines, resultants, sizes, numbers, strict=True):
         is_balanced = line.turns and size <= _LEAST * float(line.weights @ np.abs(line.pressure))
         if is_balanced or size <= _LEAST * max(sizes):
@@ -484,9 +485,8 @@ def _resultants(
         if line.eccentricity > _CENTRAL * (line.s[-1] - line.s[0]):
             text += f"\ne = {beside([line.eccentricity], 3)[0]} {units.length}"
         side, middle = np.array([-back[1], back[0]]), (tail + centre) / 2.0
-        spots = [(tail, back), (tail, side), (tail, -side), (middle, side), (middle, -side)]
-        written.append(write(axes, text, [(at + 0.015 * length * to, alignment(to)) for at, to in spots]))
-    return np.concatenate(ends), written
+        labels.write(text, [(tail, back), (tail, side), (tail, -side), (middle, side), (middle, -side)])
+    return np.concatenate(ends)
 
 
 def _thrust(axes: "Axes", lines: Sequence[LineTractions]) -> None:

@@ -18,7 +18,7 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
 from qvi_contact.plots.body import Scales, draw_body
 from qvi_contact.plots.problem import draw_problem, draw_symbols
-from qvi_contact.plots.style import Written, beside, lines, spread
+from qvi_contact.plots.style import Labels, beside, lines
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
@@ -85,12 +85,12 @@ def result_figure(
                 chart.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:
             style.legend_below(charts[-1], charts, 6)
-        _lay_out(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.written)
+        _lay_out(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.labels)
     return figure
 
 
 def _lay_out(
-    figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, written: Sequence[Written] = ()
+    figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, labels: Labels | None = None
 ) -> None:
     """Write title, answer and foot, and size the figure for the box (2, 2) [length], which grows to hold the texts."""
     body, *charts = figure.axes
@@ -106,7 +106,7 @@ def _lay_out(
         figure.text(0.01, 1.0, style.plain_text(answer), va="top"),
         figure.text(0.01, 0.0, style.plain_text(foot), va="bottom", fontsize=6.0, color=style.GREY),
     ]
-    for _ in range(_PASSES if written else 1):
+    for _ in range(1 if labels is None else _PASSES):
         across, up = box[1] - box[0]
         height = float(np.clip(_BODY * up / across, 1.5, 4.6))
         heights = [height + 0.75, *[_CHART] * len(charts)]
@@ -119,17 +119,7 @@ def _lay_out(
         body.set(xlim=box[:, 0], ylim=box[:, 1])
         body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
         body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
-        box = _with_texts(body, box, written)
-
-
-def _with_texts(axes: "Axes", box: FloatArray, written: Sequence[Written]) -> FloatArray:
-    """Spread the texts; returns the box (2, 2) [length], larger where it does not hold them."""
-    spread(axes, written)
-    for text, _ in written:
-        low, high = axes.transData.inverted().transform(text.get_window_extent().get_points())
-        margin = 0.01 * (box[1] - box[0])
-        box = np.array([np.minimum(box[0], low - margin), np.maximum(box[1], high + margin)])
-    return box
+        box = box if labels is None else labels.fit(box)
 
 
 def _answer(result: ContactResult, units: Units) -> str:
@@ -328,7 +318,7 @@ def history_figure(
         box = picture.box
         for _ in range(_PASSES):
             body.set(xlim=box[:, 0], ylim=box[:, 1])
-            box = _with_texts(body, box, picture.written)
+            box = picture.labels.fit(box)
     return figure
 
 

@@ -154,7 +154,7 @@ def test_the_legend_names_everything():
         assert words in legend
     assert legend.count("about (0, 0)") == 1  # a moment has a pivot, a force has none
     assert "mm/mm about (0, 0)" in legend
-    places = {text.get_text(): text.get_position() for text in axes.texts}
+    places = {text.get_text(): text.xy for text in axes.texts}
     assert {"ground", "press", "bed"} <= places.keys()
     assert places["1"][1] < 1.0 < places["2"][1]  # numbers of materials stand in them
 
