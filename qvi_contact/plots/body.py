@@ -243,10 +243,16 @@ class Scales:
         """Scales for results such as the steps of a history; with the factor no body is drawn inside another."""
         moved, factor, pressure, friction, ranges = 0.0, np.inf, 0.0, 0.0, []
         for result in results:
-            shape, least = Shape.of(result), style.LEAST * result.discretization.scales.displacement
-            moved = max(moved, least, float(np.hypot(*shape.coefficients.T).max()))
-            factor = min(factor, _separate(result, shape, style.magnified(moved, _CALM * result.problem.mesh.length)))
-            for line in result.contacts.values():
+            discretization, length = result.discretization, result.problem.mesh.length
+            least = style.LEAST * discretization.scales.displacement
+            moved = max(moved, least, float(np.hypot(*Shape.of(result).coefficients.T).max()))
+            factor = min(factor, style.magnified(moved, _CALM * length))
+            for rows, line in zip(discretization.contacts, result.contacts.values(), strict=True):
+                if rows.joint:  # factor × (closing of the gap) ≤ gap, but for what the eye does not see
+                    gap = discretization.scales.displacement * rows.gap
+                    closing = np.maximum(gap - line.gap, 1e-300)
+                    apart = float(((gap + _DEEP * length) / closing).min())
+                    factor = min(factor, max(1.0, style.rounded_down(apart)))
                 pressure = max(pressure, float(np.abs(line.normal_stress).max()))
                 friction = max(friction, float(np.abs(line.tangential_stress).max()))
             x, y, stress = result.gauss_stress()
@@ -359,35 +365,6 @@ def draw_body(
     bar = axes.inset_axes((1.0 + 0.8 * width, (1.0 - tall) / 2.0, width, tall))
     axes.figure.colorbar(bands, cax=bar, label=f"{COMPONENT_LABELS[component]} [{units.stress}]", extend=None)
     return Drawn(factor, box, pressure, labels)
-
-
-def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten up to the factor that draws no block inside another; at least 1."""
-    mesh, block, cells = result.problem.mesh, shape.space.block, np.arange(result.problem.mesh.cell_count)
-    t = np.linspace(0.0, 1.0, style.CHORDS + 1)
-    block_of_point = np.repeat(block[mesh.boundary.cells[:, 0]], len(t))
-    points = np.stack(mesh.points_along(mesh.boundary, t), axis=-1).reshape(-1, 2)
-    inwards = np.repeat(mesh.corners[mesh.boundary.cells[:, 0]].mean(axis=1), len(t), axis=0) - points
-    points += np.minimum(1.0, _DEEP * mesh.length / np.linalg.norm(inwards, axis=1, keepdims=True)) * inwards
-    moved = shape.along(mesh.boundary, t).reshape(-1, 2)
-    corners = np.stack([shape.at(cells, np.tile(at, (len(cells), 1))) for at in np.eye(3)[:, 1:]], axis=1)
-
-    def is_apart(factor: float) -> bool:
-        """Whether no boundary point of a block, moved inwards by _DEEP, lies in a triangle of another block."""
-        drawn, triangles = points + factor * moved, mesh.corners + factor * corners
-        for number in np.unique(block).tolist():
-            sides = triangles[block == number]
-            low, high = sides.min(axis=(0, 1)), sides.max(axis=(0, 1))
-            candidates = drawn[(block_of_point != number) & ((drawn > low) & (drawn < high)).all(axis=1)]
-            a = sides[:, None]
-            is_left = [cross(a[:, :, k - 2] - a[:, :, k], candidates - a[:, :, k]) > 0.0 for k in range(3)]
-            if np.logical_and.reduce(is_left).any():
-                return False
-        return True
-
-    while factor > 1.0 and not is_apart(factor):
-        factor = style.rounded_down(0.99 * factor)
-    return factor
 
 
 def _lines_of(result: ContactResult, name: str, shape: Shape, factor: float) -> list[LineTractions]:
