@@ -54,7 +54,7 @@ _LEAST: Final = 0.02  # stresses and forces below this share of the largest are 
 _LABELLED: Final = 8  # up to so many contact lines have arrows and numbers; of more lines, only obstacles have numbers
 _NOTHING: Final = 1e-6  # pressures below this share of the largest stress in the body count as zero
 _CENTRAL: Final = 0.005  # eccentricities below this share of the contact line are not written
-_DEEP: Final = 0.005  # overlap of bodies that the eye does not see
+_DEEP: Final = 0.002  # overlap of bodies that the eye does not see
 _HATCH: Final = 0.016  # spacing and size of the hatching of obstacles
 _SHORTEST_SPRING, _LONGEST_SPRING = 0.3, 4.0  # drawn length of a deformed spring over SPRING, its length at rest
 
