@@ -11,6 +11,7 @@ import os
 import re
 import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,6 +66,9 @@ class TestNumbers:
         assert {row["friction"]: f"{row['uzawa_30']:.2f}" for row in rows} == TABLE_1
         printed = {row["friction"]: f"{row['uzawa_30_printed_rule']:.2f}" for row in rows}
         assert printed == TABLE_1 | {0.0: "210.23"}
+        theory = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
+        for column in ("uzawa_30", "condensed"):
+            assert " | ".join(f"{row[column]:.2f}" for row in rows) in theory
 
     def test_maxima_of_the_figures(self, paper):
         rows = room.figure_rows(paper)
