@@ -186,7 +186,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         _problem_file(file, given) as (problem_file, targets, options),
         solving(problem_file.title or "limit", verbose=verbose),
     ):
-        settings = {name: options.get(name) for name in OPTIONS}
+        loads, settings = tuple(dict.fromkeys(loads)), {name: options.get(name) for name in OPTIONS}
         problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
         if proof is not None and not loads:
             return _prove_not_carried(proof, problem_file, settings, {"target": target, **targets}, as_json)
