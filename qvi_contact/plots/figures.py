@@ -99,7 +99,7 @@ def _lay_out(
     grid = cell.get_gridspec()
     unbroken = ((text.replace(" = ", "\u00a0=\u00a0"), count) for text, count in ((answer, 88), (foot, 140)))
     answer, foot = (textwrap.fill(text, count).replace("\u00a0", " ") for text, count in unbroken)
-    above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + 1)  # heights in inches
+    above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + bool(answer))  # heights in inches
     below = 0.06 + 0.12 * (foot.count("\n") + 1)
     texts = [
         figure.text(0.01, 1.0, style.plain_text(title), va="top", fontsize="large", fontweight="bold"),
@@ -297,20 +297,21 @@ def history_figure(
     if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
         raise InputError("times", times, f"give the times of all {count} steps")
     groups: Any = [(_draw_loop, loops, units), (_draw_forces, forces, abscissa)]
-    rows = [(draw, list(items.items())[:_LOOPS], argument) for draw, items, argument in groups if items]
-    right_width = 3.0 * max(len(row) for _, row, _ in rows)
+    charts = [(draw, *item, more) for draw, items, more in groups for item in list(items.items())[:_LOOPS]]
+    columns = max(min(2, len(charts)), -(-len(charts) // 2))
+    rows, right_width = -(-len(charts) // columns), 3.0 * columns
     with style.settings():
-        figure = style.new_figure(3.8 + right_width, 0.4 + 3.0 * len(rows))
+        figure = style.new_figure(3.8 + right_width, 0.4 + 3.0 * rows)
         left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, right_width])[0]
         body, (last_number, last_step) = left.subplots(), last
         picture = draw_body(body, last_step, units=units)
         body.set_anchor("N")
         label = f"step {last_number}" if abscissa is None else f"t = {abscissa[last_number - 1]:g}"
         body.set_title(f"{label}; displacements × {beside([picture.factor])[0]}", fontsize="medium")
-        for part, (draw, row, argument) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
-            for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
-                axes.set_ylabel(f"force [{units.force}]")
-                draw(axes, style.plain_text(name), values, argument)
+        for place, (draw, name, values, more) in enumerate(charts, 1):
+            axes = right.add_subplot(rows, columns, place)
+            axes.set_ylabel(f"force [{units.force}]")
+            draw(axes, style.plain_text(name), values, more)
         notes = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
         width = int(_LETTERS * (3.8 + right_width))
         heading = "\n".join(textwrap.fill(text, width) for text in (title, history.message, *notes) if text)
@@ -359,7 +360,7 @@ def _draw_loop(axes: "Axes", name: str, loop: _Loop, units: Units) -> None:
     axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
     axes.plot(displacement, force, color=style.BLUE, marker="o", markersize=3, linewidth=1.0)
     axes.plot(displacement[:1], force[:1], **_FIRST)
-    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    axes.ticklabel_format(scilimits=(-3, 4))
     axes.locator_params(axis="x", nbins=6)
     axes.set_title(name, fontsize="medium")
     axes.set_xlabel(f"displacement [{units.displacement}]")
