@@ -67,8 +67,7 @@ class TestNumbers:
         printed = {row["friction"]: f"{row['uzawa_30_printed_rule']:.2f}" for row in rows}
         assert printed == TABLE_1 | {0.0: "210.23"}
         theory = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
-        for column in ("uzawa_30", "condensed"):
-            assert " | ".join(f"{row[column]:.2f}" for row in rows) in theory
+        assert all(" | ".join(f"{row[each]:.2f}" for row in rows) in theory for each in ("uzawa_30", "condensed"))
 
     def test_maxima_of_the_figures(self, paper):
         rows = room.figure_rows(paper)

@@ -39,7 +39,15 @@ from qvi_contact.plots import (
     value_range,
 )
 from qvi_contact.problem import (
-    Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction, Tresca, stress_along_z,
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    Region,
+    Symmetry,
+    Traction,
+    Tresca,
+    stress_along_z,
 )  # fmt: skip
 from qvi_contact.solution import ContactLine, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
@@ -262,11 +270,8 @@ class TestBody:
     def test_springs_give_way(self, law):
         """Under p = 20 and q = 3 a bed of k_N = 400 and k_T = 100 gives way by 0.05 and 0.03; ε_xx = 0."""
         result = uniform_result(xx=-6.0, yy=-20.0, xy=3.0)
-        bed = replace(
-            Contact("bottom", 0.0 if law == "tied" else 0.5, law=law),
-            normal_stiffness=400.0,
-            tangential_stiffness=100.0,
-        )
+        friction, stiffness = 0.0 if law == "tied" else 0.5, {"normal_stiffness": 400.0, "tangential_stiffness": 100.0}
+        bed = Contact("bottom", friction, law=law, **stiffness)
         kept = [each for each in result.problem.conditions if each.edges != "bottom"]
         shape = Shape.of(solve(replace(result.problem, conditions=[*kept, bed])))
         moved = shape.along(result.problem.mesh.edges("bottom"), np.array([0.0, 0.5, 1.0]))

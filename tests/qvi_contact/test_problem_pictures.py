@@ -190,10 +190,8 @@ def test_names_beside_a_thin_body_stand_on_their_own_side():
 def test_names_do_not_cover_each_other():
     """A thin wedge whose sides are all named, with a tip too narrow for two names; numbers of materials."""
     corners = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 0.6), (0.0, 0.3)])
-    mesh = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
-    sides = {"lower side": (0, 1), "right side": (1, 2), "upper side": (2, 3), "left side": (3, 0)}
-    for name, ends in sides.items():
-        mesh = mesh.with_edges(name, [ends])
+    sides = {"lower side": [(0, 1)], "right side": [(1, 2)], "upper side": [(2, 3)], "left side": [(3, 0)]}
+    mesh = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), sides)
     conditions = [Traction(name, x=0.0, y=0.0) for name in ("upper side", "left side", "right side")]
     wedge = ContactProblem(mesh, Material(1e3, 0.3), [*conditions, Displacement("lower side", 0.0, 0.0)])
     for problem, number in ((wedge, 4), (load_problem(EXAMPLES / "cylinder_on_block.toml").problem, 9)):
