@@ -312,7 +312,8 @@ def history_figure(
             axes = right.add_subplot(rows, columns, place)
             axes.set_ylabel(f"force [{units.force}]")
             draw(axes, style.plain_text(name), values, more)
-        notes = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
+        hidden = dict.fromkeys(name for items in (loops, forces) for name in list(items)[_LOOPS:])
+        notes = [f"not shown: {', '.join(hidden)}"] if hidden else []
         width = int(_LETTERS * (3.8 + right_width))
         heading = "\n".join(textwrap.fill(text, width) for text in (title, history.message, *notes) if text)
         figure.suptitle(style.plain_text(heading), x=0.02, ha="left", fontsize="medium")

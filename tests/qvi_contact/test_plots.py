@@ -19,6 +19,7 @@ from qvi_contact import (
     LimitLoad,
     TriangleMesh,
     limit_load_factor,
+    load_problem,
     principal_stresses,
     solve,
 )
@@ -52,6 +53,7 @@ from qvi_contact.problem import (
 from qvi_contact.solution import ContactLine, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
+from tests.golden.problems import EXAMPLES
 from tests.qvi_contact.builders import polygon
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
@@ -472,6 +474,8 @@ class TestFigures:
         assert len(history_figure(History((steps[0], solve(still)), 2)).axes) == 2
         with pytest.raises(InputError, match="no contact"):
             history_figure(History((), 2))
+        wall = solve(load_problem(EXAMPLES / "dry_stone_wall.toml").problem)
+        assert "not shown: head 2, head 3" in history_figure(History((wall,), 1))._suptitle.get_text()
         mesh, top = TriangleMesh.rectangle((2, 2), 2.0, 1.0), Traction("top", x=20.0, y=-100.0)
         block = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.5), top, *FREE])
         figure = history_figure(History((solve(block),), 1))
