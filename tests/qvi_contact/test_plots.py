@@ -108,8 +108,7 @@ class TestTractions:
     @staticmethod
     def draw(order, vertical):
         line = contact([EDGES[i] for i in order], [STATES[i] for i in order], vertical)
-        axes = new_axes()
-        contact_tractions(axes, line, Units("mm", "MPa"))
+        contact_tractions(axes := new_axes(), line, Units("mm", "MPa"))
         return line, axes
 
     def test_each_point_lies_in_a_range_of_its_state_alone(self, order, vertical):
@@ -146,9 +145,7 @@ class TestTractions:
 
 
 def test_a_tied_contact_has_no_bound_to_draw():
-    line = contact([(0.0, 1.0)], [[STICK] * 4], bound=np.inf)
-    axes = new_axes()
-    contact_tractions(axes, line)
+    contact_tractions(axes := new_axes(), contact([(0.0, 1.0)], [[STICK] * 4], bound=np.inf))
     assert [drawn.get_label()[:8] for drawn in axes.lines] == ["pressure", "friction"]
     assert np.isfinite(axes.get_ylim()).all()
 
@@ -319,8 +316,7 @@ class TestBody:
         conditions = [bed, Traction("top", x=0.0, y=-1.0), *FREE]
         block = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1e2, 0.3), conditions)
         for draw, shown in ((draw_body, solve(block)), (draw_problem, block)):
-            axes = new_axes()
-            draw(axes, shown)
+            draw(axes := new_axes(), shown)
             zigzags = [line for line in axes.collections if isinstance(line, LineCollection)]
             paths = [path for line in zigzags for path in line.get_segments() if len(path) == 8]
             assert len(paths) >= 3
@@ -368,8 +364,7 @@ class TestBody:
         assert np.hypot(*diagram.T).min() > (1.7 if joint else 3.8)
 
     def test_eccentricity_and_line_of_thrust_of_joints(self):
-        axes = new_axes()
-        draw_body(axes, leaning())
+        draw_body(axes := new_axes(), leaning())
         texts = {text.get_text().split(":")[0]: text.get_text().splitlines()[-1] for text in axes.texts}
         assert texts == dict.fromkeys(("bed", "bottom"), "e = 0.0833 length")
         (thrust,) = (each for each in axes.collections if each.get_label() == "line of thrust")
