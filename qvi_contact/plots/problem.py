@@ -344,7 +344,7 @@ class _Sketch:
                 places = run.points(_SPACING * self.length, least=1)
                 half = 0.5 * SPRING * self.length * places.normals
                 springs(self.axes, places.points - half, places.points + half)
-        self.labels.write(contact.name, _on_line(pieces) if joint else self._beyond(contact, pieces))
+        self.labels.write(contact.name, self._on_line(contact.name, pieces) if joint else self._beyond(contact, pieces))
         self._entry(f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}", look)
 
     def names(self) -> None:
@@ -366,7 +366,7 @@ class _Sketch:
             if name not in contacts:
                 pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
                 self._line(pieces, _HELD_TOGETHER)
-                self.labels.write(name, _on_line(pieces), color=style.GREY)
+                self.labels.write(name, self._on_line(name, pieces), color=style.GREY)
                 self._entry(f"{name}: inner line without a contact", _HELD_TOGETHER)
 
     def legend(self) -> None:
@@ -470,6 +470,14 @@ class _Sketch:
             place = middle._replace(points=middle.points + away * middle.normals)
             self.ends.append(arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012}))
 
+    def _on_line(self, name: str, pieces: Sequence[Run]) -> list[style.Spot]:
+        """Spots for the name of a line inside the body: on it, or behind its ends if it is short."""
+        run = max(pieces, key=lambda run: run.length)
+        if run.length > 2.0 * _LETTER * len(name) * self.length:
+            return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]
+        ends = run.at(1.0), run.at(0.0)
+        return [(end.points[0], way * end.tangents[0]) for end, way in zip(ends, (1.0, -1.0), strict=True)]
+
     def _beyond(self, contact: Contact, pieces: Sequence[Run]) -> list[style.Spot]:
         """Spots for the name of an obstacle: behind its middle, or on both sides of the force on its plate."""
         run = max(pieces, key=lambda run: run.length)
@@ -527,9 +535,3 @@ def _vectors(condition: Traction | Displacement, places: Places) -> FloatArray:
     """The prescribed vectors (n, 2) at places; zero in components that are not given."""
     parts = [value[:, None] * _directions(name, places) for name, value in _values(condition, places).items()]
     return np.asarray(np.sum(parts, axis=0))
-
-
-def _on_line(pieces: Sequence[Run]) -> list[style.Spot]:
-    """Spots for the name of a line inside the body."""
-    run = max(pieces, key=lambda run: run.length)
-    return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]

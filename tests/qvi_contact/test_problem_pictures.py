@@ -174,8 +174,7 @@ def test_the_obstacle_follows_the_gap():
 
 def covered(axes):
     """Pairs of texts that overlap."""
-    boxes = [text.get_window_extent() for text in axes.texts]
-    return [pair for pair in combinations(boxes, 2) if pair[0].overlaps(pair[1])]
+    return [(a, b) for a, b in combinations((text.get_window_extent() for text in axes.texts), 2) if a.overlaps(b)]
 
 
 def test_names_beside_a_thin_body_stand_on_their_own_side():
@@ -199,6 +198,7 @@ def test_names_do_not_cover_each_other():
         figure.draw_without_rendering()
         assert len(figure.axes[0].texts) == number
         assert not covered(figure.axes[0])
+    assert {text.get_text(): text.xy[0] for text in figure.axes[0].texts}["contact"] > 0.9  # behind the short contact
 
 
 def test_numbers_of_forces_cover_neither_each_other_nor_pressures():
