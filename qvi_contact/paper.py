@@ -43,7 +43,6 @@ __all__ = ["QuarterPlate", "plate"]
 
 _COMPONENTS = ((0, 2, 1.0), (2, 0, 1.0), (1, 1, -1.0))
 """σ_xx, σ_yy, σ_xy as derivatives of Φ: order in x, order in y, factor."""
-_EPSILON = float(np.finfo(float).eps)
 
 GAUSS_POINTS, GAUSS_WEIGHTS = gauss_legendre(4)
 """Four Gauss points on [0, 1]: exact for the energy; the paper imposes the friction law at these points of an edge."""
@@ -157,9 +156,13 @@ class QuarterPlate:
         traces = TractionFactor(sparse.csc_array(nodal), sparse.block_diag([sparse.kron(edges, each) for each in maps]))
         normal, shear = (sparse.csc_array(self._contact(GAUSS_POINTS, component)) for component in (1, 2))
         load, zero = -(normal.T @ weights), 0.0 * weights
+        x_weights, y_weights = (np.outer(each.sizes, GAUSS_WEIGHTS).ravel() for each in self._splines)
+        compliance = self.material.compliance / self.material.compliance[0, 0]
+        stress, at = sparse.vstack(self._stress_rows()), sparse.diags_array(np.kron(y_weights, x_weights))
+        K = sparse.csc_array(stress.T @ sparse.kron(compliance, at) @ stress)
         return FrictionQVI.from_arrays(
-            K=sparse.csc_array(self._root.R.T @ self._root.R), f=load, N=normal, n0=zero, T=shear, t0=zero,
-            mu=np.full(len(weights), self.friction), W=weights, root=self._root, load=load, traces=traces,
+            K=K, f=load, N=normal, n0=zero, T=shear, t0=zero, mu=np.full(len(weights), self.friction), W=weights,
+            traces=traces,
         )  # fmt: skip
 
     def force(self, z: FloatArray) -> float:
@@ -230,41 +233,9 @@ class QuarterPlate:
             all_rows.append(sparse.csr_array(factor * rows) @ self._basis)
         return all_rows
 
-    @cached_property
-    def _root(self) -> StressRoot:
-        """Matrix R from z to weighted stresses at all Gauss points, with |R z|²/2 as the energy."""
-        x_weights, y_weights = (np.outer(each.sizes, GAUSS_WEIGHTS).ravel() for each in self._splines)
-        weights = np.kron(y_weights, x_weights)
-        compliance = self.material.compliance / self.material.compliance[0, 0]
-        factor = np.linalg.cholesky(compliance)  # c = L Lᵀ, and rows of Lᵀ σ
-        stress = self._stress_rows()
-        parts = [sum(factor[c, k] * stress[c] for c in range(3) if factor[c, k] != 0.0) for k in range(3)]
-        R = sparse.diags_array(np.tile(np.sqrt(weights), 3)) @ sparse.vstack(parts)
-        return StressRoot(sparse.csr_array(R))
-
     def _contact(self, t: FloatArray, component: int) -> sparse.csr_array:
         """Matrix (nx q, n) from z to a stress on y = h at the points t (q,) of every edge, dimensionless."""
         in_x, in_y, factor = _COMPONENTS[component]
         along_x, along_y = self._splines
         top = along_y.matrix(np.ones(1), in_y)[[-1]]
         return sparse.csr_array(factor * sparse.kron(top, along_x.matrix(t, in_x)) @ self._basis)
-
-
-@dataclass(frozen=True, eq=False)
-class StressRoot:
-    """R with RᵀR = K: the gradient Rᵀ(R z) has smaller rounding errors than K z."""
-
-    R: sparse.csr_array
-    """Matrix from z to weighted stresses, shape (r, n)."""
-
-    def apply(self, z: FloatArray) -> FloatArray:
-        """R z (r,)."""
-        return np.asarray(self.R @ z)
-
-    def adjoint(self, r: FloatArray) -> FloatArray:
-        """Rᵀ r (n,)."""
-        return np.asarray(self.R.T @ r)
-
-    def rounding(self, z: FloatArray) -> float:
-        """Norm of the error of R z from the rounding of z."""
-        return _EPSILON * float(np.linalg.norm(abs(self.R) @ np.abs(z)))

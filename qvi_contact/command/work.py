@@ -186,7 +186,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         _problem_file(file, given) as (problem_file, targets, options),
         solving(problem_file.title or "limit", verbose=verbose),
     ):
-        settings = {name: options.get(name) for name in OPTIONS}
+        loads, settings = tuple(dict.fromkeys(loads)), {name: options.get(name) for name in OPTIONS}
         problem, refinement, proof_lines = problem_file.problem, None, list[str]()
         if "proof" in targets and not loads:
             unused_options = {"target": target, **targets, "proof": None}

@@ -22,10 +22,9 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, whole_number
 from qvi_contact.element.edge import gauss_legendre, legendre_from_values
 from qvi_contact.element.triangle import CORNERS, EDGES, AffineTriangles, bernstein, exponents, gradient, quadrature
-from qvi_contact.errors import InputError
 
 LOWEST, HIGHEST = 3, 12
 """Lowest and highest degree; at degree 12 rounding leaves twelve digits."""
@@ -41,9 +40,7 @@ _AREA: Final = np.sqrt(0.75) / 2.0  # of the reference triangle
 @cache
 def hsieh_clough_tocher(degree: int) -> "HsiehCloughTocher":
     """The element of a degree, cached; `InputError` for a degree out of range."""
-    if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)) or not LOWEST <= degree <= HIGHEST:
-        raise InputError("degree", degree, f"give a whole number from {LOWEST} to {HIGHEST}")
-    return HsiehCloughTocher(int(degree))
+    return HsiehCloughTocher(whole_number("degree", degree, HIGHEST, LOWEST))
 
 
 class HsiehCloughTocher:

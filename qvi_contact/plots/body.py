@@ -29,7 +29,7 @@ from qvi_contact.element.edge import bernstein_basis, gauss_legendre
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, between, draw_symbols, ground, spaced, springs
-from qvi_contact.plots.style import Written, alignment, beside, write
+from qvi_contact.plots.style import Labels, beside
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.problem.conditions import SPRINGS, Displacement
 from qvi_contact.problem.material import stress_along_z, stress_at_rest
@@ -54,7 +54,7 @@ _LEAST: Final = 0.02  # stresses and forces below this share of the largest are 
 _LABELLED: Final = 8  # up to so many contact lines have arrows and numbers; of more lines, only obstacles have numbers
 _NOTHING: Final = 1e-6  # pressures below this share of the largest stress in the body count as zero
 _CENTRAL: Final = 0.005  # eccentricities below this share of the contact line are not written
-_DEEP: Final = 0.005  # overlap of bodies that the eye does not see
+_DEEP: Final = 0.002  # overlap of bodies that the eye does not see
 _HATCH: Final = 0.016  # spacing and size of the hatching of obstacles
 _SHORTEST_SPRING, _LONGEST_SPRING = 0.3, 4.0  # drawn length of a deformed spring over SPRING, its length at rest
 
@@ -243,10 +243,16 @@ class Scales:
         """Scales for results such as the steps of a history; with the factor no body is drawn inside another."""
         moved, factor, pressure, friction, ranges = 0.0, np.inf, 0.0, 0.0, []
         for result in results:
-            shape, least = Shape.of(result), style.LEAST * result.discretization.scales.displacement
-            moved = max(moved, least, float(np.hypot(*shape.coefficients.T).max()))
-            factor = min(factor, _separate(result, shape, style.magnified(moved, _CALM * result.problem.mesh.length)))
-            for line in result.contacts.values():
+            discretization, length = result.discretization, result.problem.mesh.length
+            least = style.LEAST * discretization.scales.displacement
+            moved = max(moved, least, float(np.hypot(*Shape.of(result).coefficients.T).max()))
+            factor = min(factor, style.magnified(moved, _CALM * length))
+            for rows, line in zip(discretization.contacts, result.contacts.values(), strict=True):
+                if rows.joint:  # factor × (closing of the gap) ≤ gap, but for what the eye does not see
+                    gap = discretization.scales.displacement * rows.gap
+                    closing = np.maximum(gap - line.gap, 1e-300)
+                    apart = float(((gap + _DEEP * length) / closing).min())
+                    factor = min(factor, max(1.0, style.rounded_down(apart)))
                 pressure = max(pressure, float(np.abs(line.normal_stress).max()))
                 friction = max(friction, float(np.abs(line.tangential_stress).max()))
             x, y, stress = result.gauss_stress()
@@ -267,8 +273,8 @@ class Drawn:
     """Lower left and upper right corner of the drawing [length], (2, 2)."""
     pressure: float
     """Largest pressure on all contacts [stress]; 0 if no tractions were drawn."""
-    written: list[Written]
-    """Numbers of resultants, each with other positions that it may take, see `style.spread`."""
+    labels: Labels
+    """Numbers of resultants."""
 
 
 def draw_body(
@@ -339,54 +345,26 @@ def draw_body(
     label = f"pressure, {' to '.join(ends)} {units.stress}"  # a range if there is tension
     # tractions, line of thrust, resultants
     is_few, friction_text = len(lines) <= _LABELLED, beside([pressure, friction], 3)[1]
+    labels = Labels(axes, extent[2:])
     for line in lines:
         spacing = _SPACING * length if is_few else np.inf
-        extent.append(_tractions(axes, line, pressure_scale, friction_scale, spacing, label))
+        outer = _tractions(axes, line, pressure_scale, friction_scale, spacing, label)
+        extent.append(outer)
+        labels.drawn += [line.place + share * (outer - line.place) for share in (0.0, 0.3, 0.6, 0.9)]
     if friction > 0.0 and friction_text != "0":
         look: dict[str, Any] = {"color": "black", "linewidth": 0.9, "marker": ">", "markersize": 3}
         axes.plot([], [], label=f"friction, up to {friction_text} {units.stress}", **look)
     _thrust(axes, lines)
     labelled = [line for line in lines if is_few or not line.joint]
-    written: list[Written] = []
     if 0 < len(labelled) <= _LABELLED:
-        arrows, written = _resultants(axes, labelled, length, units)
-        extent.append(arrows)
+        extent.append(_resultants(axes, labelled, length, units, labels))
     # the box around all of it, and the colour bar beside it, at least _TALL as high as the box is wide
     box = style.show_all(axes, np.concatenate(extent), units)
     across, up = box[1] - box[0]
     width, tall = 0.04 * max(1.0, float(up / across)), max(1.0, _TALL * float(across / up))
     bar = axes.inset_axes((1.0 + 0.8 * width, (1.0 - tall) / 2.0, width, tall))
     axes.figure.colorbar(bands, cax=bar, label=f"{COMPONENT_LABELS[component]} [{units.stress}]", extend=None)
-    return Drawn(factor, box, pressure, written)
-
-
-def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten up to the factor that draws no block inside another; at least 1."""
-    mesh, block, cells = result.problem.mesh, shape.space.block, np.arange(result.problem.mesh.cell_count)
-    t = np.linspace(0.0, 1.0, style.CHORDS + 1)
-    block_of_point = np.repeat(block[mesh.boundary.cells[:, 0]], len(t))
-    points = np.stack(mesh.points_along(mesh.boundary, t), axis=-1).reshape(-1, 2)
-    inwards = np.repeat(mesh.corners[mesh.boundary.cells[:, 0]].mean(axis=1), len(t), axis=0) - points
-    points += np.minimum(1.0, _DEEP * mesh.length / np.linalg.norm(inwards, axis=1, keepdims=True)) * inwards
-    moved = shape.along(mesh.boundary, t).reshape(-1, 2)
-    corners = np.stack([shape.at(cells, np.tile(at, (len(cells), 1))) for at in np.eye(3)[:, 1:]], axis=1)
-
-    def is_apart(factor: float) -> bool:
-        """Whether no boundary point of a block, moved inwards by _DEEP, lies in a triangle of another block."""
-        drawn, triangles = points + factor * moved, mesh.corners + factor * corners
-        for number in np.unique(block).tolist():
-            sides = triangles[block == number]
-            low, high = sides.min(axis=(0, 1)), sides.max(axis=(0, 1))
-            candidates = drawn[(block_of_point != number) & ((drawn > low) & (drawn < high)).all(axis=1)]
-            a = sides[:, None]
-            is_left = [cross(a[:, :, k - 2] - a[:, :, k], candidates - a[:, :, k]) > 0.0 for k in range(3)]
-            if np.logical_and.reduce(is_left).any():
-                return False
-        return True
-
-    while factor > 1.0 and not is_apart(factor):
-        factor = style.rounded_down(0.99 * factor)
-    return factor
+    return Drawn(factor, box, pressure, labels)
 
 
 def _lines_of(result: ContactResult, name: str, shape: Shape, factor: float) -> list[LineTractions]:
@@ -466,12 +444,12 @@ def _tractions(
 
 
 def _resultants(
-    axes: "Axes", lines: Sequence[LineTractions], length: float, units: Units
-) -> tuple[FloatArray, list[Written]]:
-    """Draw resultants as heavy arrows with numbers and eccentricities; returns their ends (n, 2), and the texts."""
+    axes: "Axes", lines: Sequence[LineTractions], length: float, units: Units, labels: Labels
+) -> FloatArray:
+    """Draw resultants as heavy arrows with numbers and eccentricities; returns their ends (n, 2)."""
     resultants = [line.resultant() for line in lines]
     sizes = [float(np.hypot(*force)) for force, _ in resultants]
-    numbers, ends, written = beside(sizes), [np.empty((0, 2))], list[Written]()
+    numbers, ends = beside(sizes), [np.empty((0, 2))]
     for line, (force, centre), size, number in zip(lines, resultants, sizes, numbers, strict=True):
         is_balanced = line.turns and size <= _LEAST * float(line.weights @ np.abs(line.pressure))
         if is_balanced or size <= _LEAST * max(sizes):
@@ -484,9 +462,8 @@ def _resultants(
         if line.eccentricity > _CENTRAL * (line.s[-1] - line.s[0]):
             text += f"\ne = {beside([line.eccentricity], 3)[0]} {units.length}"
         side, middle = np.array([-back[1], back[0]]), (tail + centre) / 2.0
-        spots = [(tail, back), (tail, side), (tail, -side), (middle, side), (middle, -side)]
-        written.append(write(axes, text, [(at + 0.015 * length * to, alignment(to)) for at, to in spots]))
-    return np.concatenate(ends), written
+        labels.write(text, [(tail, back), (tail, side), (tail, -side), (middle, side), (middle, -side)])
+    return np.concatenate(ends)
 
 
 def _thrust(axes: "Axes", lines: Sequence[LineTractions]) -> None:

@@ -18,7 +18,7 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
 from qvi_contact.plots.body import Scales, draw_body
 from qvi_contact.plots.problem import draw_problem, draw_symbols
-from qvi_contact.plots.style import Written, beside, lines, spread
+from qvi_contact.plots.style import Labels, beside, lines
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
@@ -85,12 +85,12 @@ def result_figure(
                 chart.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:
             style.legend_below(charts[-1], charts, 6)
-        _lay_out(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.written)
+        _lay_out(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.labels)
     return figure
 
 
 def _lay_out(
-    figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, written: Sequence[Written] = ()
+    figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, labels: Labels | None = None
 ) -> None:
     """Write title, answer and foot, and size the figure for the box (2, 2) [length], which grows to hold the texts."""
     body, *charts = figure.axes
@@ -99,14 +99,14 @@ def _lay_out(
     grid = cell.get_gridspec()
     unbroken = ((text.replace(" = ", "\u00a0=\u00a0"), count) for text, count in ((answer, 88), (foot, 140)))
     answer, foot = (textwrap.fill(text, count).replace("\u00a0", " ") for text, count in unbroken)
-    above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + 1)  # heights in inches
+    above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + bool(answer))  # heights in inches
     below = 0.06 + 0.12 * (foot.count("\n") + 1)
     texts = [
         figure.text(0.01, 1.0, style.plain_text(title), va="top", fontsize="large", fontweight="bold"),
         figure.text(0.01, 1.0, style.plain_text(answer), va="top"),
         figure.text(0.01, 0.0, style.plain_text(foot), va="bottom", fontsize=6.0, color=style.GREY),
     ]
-    for _ in range(_PASSES if written else 1):
+    for _ in range(1 if labels is None else _PASSES):
         across, up = box[1] - box[0]
         height = float(np.clip(_BODY * up / across, 1.5, 4.6))
         heights = [height + 0.75, *[_CHART] * len(charts)]
@@ -119,17 +119,7 @@ def _lay_out(
         body.set(xlim=box[:, 0], ylim=box[:, 1])
         body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
         body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
-        box = _with_texts(body, box, written)
-
-
-def _with_texts(axes: "Axes", box: FloatArray, written: Sequence[Written]) -> FloatArray:
-    """Spread the texts; returns the box (2, 2) [length], larger where it does not hold them."""
-    spread(axes, written)
-    for text, _ in written:
-        low, high = axes.transData.inverted().transform(text.get_window_extent().get_points())
-        margin = 0.01 * (box[1] - box[0])
-        box = np.array([np.minimum(box[0], low - margin), np.maximum(box[1], high + margin)])
-    return box
+        box = box if labels is None else labels.fit(box)
 
 
 def _answer(result: ContactResult, units: Units) -> str:
@@ -307,28 +297,30 @@ def history_figure(
     if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
         raise InputError("times", times, f"give the times of all {count} steps")
     groups: Any = [(_draw_loop, loops, units), (_draw_forces, forces, abscissa)]
-    rows = [(draw, list(items.items())[:_LOOPS], argument) for draw, items, argument in groups if items]
-    right_width = 3.0 * max(len(row) for _, row, _ in rows)
+    charts = [(draw, *item, more) for draw, items, more in groups for item in list(items.items())[:_LOOPS]]
+    columns = max(min(2, len(charts)), -(-len(charts) // 2))
+    rows, right_width = -(-len(charts) // columns), 3.0 * columns
     with style.settings():
-        figure = style.new_figure(3.8 + right_width, 0.4 + 3.0 * len(rows))
+        figure = style.new_figure(3.8 + right_width, 0.4 + 3.0 * rows)
         left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, right_width])[0]
         body, (last_number, last_step) = left.subplots(), last
         picture = draw_body(body, last_step, units=units)
         body.set_anchor("N")
         label = f"step {last_number}" if abscissa is None else f"t = {abscissa[last_number - 1]:g}"
         body.set_title(f"{label}; displacements × {beside([picture.factor])[0]}", fontsize="medium")
-        for part, (draw, row, argument) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
-            for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
-                axes.set_ylabel(f"force [{units.force}]")
-                draw(axes, style.plain_text(name), values, argument)
-        notes = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
+        for place, (draw, name, values, more) in enumerate(charts, 1):
+            axes = right.add_subplot(rows, columns, place)
+            axes.set_ylabel(f"force [{units.force}]")
+            draw(axes, style.plain_text(name), values, more)
+        hidden = dict.fromkeys(name for items in (loops, forces) for name in list(items)[_LOOPS:])
+        notes = [f"not shown: {', '.join(hidden)}"] if hidden else []
         width = int(_LETTERS * (3.8 + right_width))
         heading = "\n".join(textwrap.fill(text, width) for text in (title, history.message, *notes) if text)
         figure.suptitle(style.plain_text(heading), x=0.02, ha="left", fontsize="medium")
         box = picture.box
         for _ in range(_PASSES):
             body.set(xlim=box[:, 0], ylim=box[:, 1])
-            box = _with_texts(body, box, picture.written)
+            box = picture.labels.fit(box)
     return figure
 
 
@@ -369,7 +361,7 @@ def _draw_loop(axes: "Axes", name: str, loop: _Loop, units: Units) -> None:
     axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
     axes.plot(displacement, force, color=style.BLUE, marker="o", markersize=3, linewidth=1.0)
     axes.plot(displacement[:1], force[:1], **_FIRST)
-    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    axes.ticklabel_format(scilimits=(-3, 4))
     axes.locator_params(axis="x", nbins=6)
     axes.set_title(name, fontsize="medium")
     axes.set_xlabel(f"displacement [{units.displacement}]")

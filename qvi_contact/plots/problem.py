@@ -43,7 +43,7 @@ CORNER: Final = 0.64  # cosine of the largest angle, 50 degrees, between adjoini
 _ZIGZAG: Final = np.array([[0.0, 0.15, 0.25, 0.42, 0.58, 0.75, 0.85, 1.0], [0.0, 0.0, 0.3, -0.3, 0.3, -0.3, 0.0, 0.0]])
 _STRAIGHT: Final = 1e-12  # 1 − cosine of the angle between edges below which they lie on one straight line
 
-_CENTRED: Final[dict[str, Any]] = {"ha": "center", "va": "center"}
+_CENTRED: Final = np.zeros(2)  # direction of a text that is centred on its point
 
 _INDEX: Final = {"x": "_x", "y": "_y", "normal": "_N", "tangential": "_T"}  # indices of t, σ and u in the legend
 _WORTH_A_NAME: Final = 0.4  # sides of an edge set get a name if longer than this share of its longest side
@@ -237,7 +237,8 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     margin = (_AWAY + _ARROW + 0.06) * problem.mesh.length
     style.show_all(axes, np.array([low - margin, high + margin]), sketch.units)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
-    style.spread(axes, sketch.written)
+    sketch.labels.drawn += sketch.ends
+    sketch.labels.fit(np.array([low, high]))
 
 
 @dataclass(eq=False)
@@ -260,7 +261,7 @@ class _Sketch:
         self.ends: list[FloatArray] = []  # ends of arrows, to be inside the picture
         self.entries: list[Any] = []  # handles of the legend
         self.groups: dict[str, list[str]] = {"free": [], "symmetry": []}  # edge sets that share an entry
-        self.written: list[style.Written] = []
+        self.labels = style.Labels(self.axes)
 
     def body(self) -> None:
         """Cells filled by material, grid, outline."""
@@ -290,10 +291,9 @@ class _Sketch:
                 text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
                 middles, sides = cells.mean(axis=1), np.diff(mesh.corners[cell_materials == material_number], axis=1)
                 centre = np.average(middles, axis=0, weights=np.abs(cross(sides[:, 0], sides[:, 1])))
-                x, y = place = middles[np.argmin(np.hypot(*(middles - centre).T))]  # in the cell nearest to the centre
+                place = middles[np.argmin(np.hypot(*(middles - centre).T))]  # in the cell nearest to the centre
                 box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": style.GREY, "linewidth": 0.6}
-                number = self.axes.text(x, y, str(index + 1), size="small", bbox=box, zorder=6, **_CENTRED)
-                self.written.append((number, [(place, _CENTRED)]))  # names keep away from it
+                self.labels.write(str(index + 1), [(place, _CENTRED)], bbox=box)
             if index < _MATERIALS:
                 self.entries.append(Patch(**look, edgecolor="#999999", label=style.wrapped(text)))
         style.draw_grid(self.axes, mesh)
@@ -344,7 +344,7 @@ class _Sketch:
                 places = run.points(_SPACING * self.length, least=1)
                 half = 0.5 * SPRING * self.length * places.normals
                 springs(self.axes, places.points - half, places.points + half)
-        self._write(contact.name, _on_line(pieces) if joint else self._beyond(contact, pieces), "black")
+        self.labels.write(contact.name, self._on_line(contact.name, pieces) if joint else self._beyond(contact, pieces))
         self._entry(f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}", look)
 
     def names(self) -> None:
@@ -355,17 +355,18 @@ class _Sketch:
             pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
             longest = max(run.length for run in pieces)
             for run in [run for run in pieces if run.length > _WORTH_A_NAME * longest][:_NAMED]:
-                first, *inside = self._spots(run, -1.0)
-                outside = self._spots(run, 1.0)
+                outside = [(at.points[0], at.normals[0]) for at in map(run.at, _ALONG)]
+                first, *inside = [(point, -normal) for point, normal in outside]
                 other_spots = outside + inside if name in self.groups["free"] else inside + outside
                 normal, needed = run.at(0.5).normals[0], self.length * np.array([_LETTER * len(name), _LINE])
                 is_thin = np.ptp(self.problem.mesh.vertices @ normal) < np.abs(normal) @ needed
-                self._write(name, [*outside, first] if is_thin else [first, *other_spots], style.GREY)
+                spots = [*outside, first] if is_thin else [first, *other_spots]
+                self.labels.write(name, spots, color=style.GREY)
         for name in self.problem.mesh.joint_names:
             if name not in contacts:
                 pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
                 self._line(pieces, _HELD_TOGETHER)
-                self._write(name, _on_line(pieces), style.GREY)
+                self.labels.write(name, self._on_line(name, pieces), color=style.GREY)
                 self._entry(f"{name}: inner line without a contact", _HELD_TOGETHER)
 
     def legend(self) -> None:
@@ -469,10 +470,13 @@ class _Sketch:
             place = middle._replace(points=middle.points + away * middle.normals)
             self.ends.append(arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012}))
 
-    def _spots(self, run: Run, way: float) -> list[style.Spot]:
-        """Spots for a name beside a run, outside (`way` 1) or inside the body (−1)."""
-        outwards = [(at.points[0], way * at.normals[0]) for at in map(run.at, _ALONG)]
-        return [(point + 0.015 * self.length * normal, style.alignment(normal)) for point, normal in outwards]
+    def _on_line(self, name: str, pieces: Sequence[Run]) -> list[style.Spot]:
+        """Spots for the name of a line inside the body: on it, or behind its ends if it is short."""
+        run = max(pieces, key=lambda run: run.length)
+        if run.length > 2.0 * _LETTER * len(name) * self.length:
+            return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]
+        ends = run.at(1.0), run.at(0.0)
+        return [(end.points[0], way * end.tangents[0]) for end, way in zip(ends, (1.0, -1.0), strict=True)]
 
     def _beyond(self, contact: Contact, pieces: Sequence[Run]) -> list[style.Spot]:
         """Spots for the name of an obstacle: behind its middle, or on both sides of the force on its plate."""
@@ -481,10 +485,7 @@ class _Sketch:
         place = middle + (2.0 * _AWAY + 0.03 + SPRING * contact.has_springs) * self.length * outward
         aside = [np.zeros(2)] if contact.plate is None else [-along, along]
         shift = max(0.3 * run.length, 0.05 * self.length)
-        return [(place + shift * way, style.alignment(outward + way)) for way in aside]
-
-    def _write(self, text: str, spots: Sequence[style.Spot], colour: str) -> None:
-        self.written.append(style.write(self.axes, text, spots, colour))
+        return [(place + shift * way, outward + way) for way in aside]
 
     def _law(self, contact: Contact, pieces: Sequence[Run]) -> Iterator[str]:
         """The data of a contact and its plate as texts, without zeros that are defaults."""
@@ -534,9 +535,3 @@ def _vectors(condition: Traction | Displacement, places: Places) -> FloatArray:
     """The prescribed vectors (n, 2) at places; zero in components that are not given."""
     parts = [value[:, None] * _directions(name, places) for name, value in _values(condition, places).items()]
     return np.asarray(np.sum(parts, axis=0))
-
-
-def _on_line(pieces: Sequence[Run]) -> list[style.Spot]:
-    """Spots for the name of a line inside the body."""
-    run = max(pieces, key=lambda run: run.length)
-    return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]

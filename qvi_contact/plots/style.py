@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
-    from matplotlib.text import Text
 
 BLUE, ORANGE, GREEN, GREY, VERMILLION = "#0072B2", "#E69F00", "#009E73", "#666666", "#D55E00"
 PURPLE, SKY = "#CC79A7", "#56B4E9"
@@ -39,7 +38,12 @@ CHORDS: Final = 8  # chords by which an arc is drawn, and every other edge of a 
 LONGEST: Final = 0.08  # largest drawn displacement, as a share of the body's length
 LEAST: Final = 1e-5  # displacements below this share of the problem's displacement scale are not magnified further
 
-_SETTINGS: Final[Any] = {"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.linewidth": 0.5}
+_SETTINGS: Final[Any] = {
+    "svg.hashsalt": "qvi-contact",
+    "font.size": 9,
+    "hatch.linewidth": 0.5,
+    "axes.formatter.use_mathtext": True,  # × 10⁷ beside an axis, not 1e7
+}
 _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 """Suffix → metadata of the file. Dates are left out, so that the same picture gives the same bytes."""
 _DOTS: Final = {"files": 150.0, "pages": 120.0}  # pixels per inch
@@ -165,25 +169,10 @@ def legend_below(axes: "Axes", shown: "Sequence[Axes]", columns: int) -> None:
     axes.legend(handles=list(handles.values()), ncols=columns, **look, **place)
 
 
-Spot: TypeAlias = tuple[FloatArray, dict[str, Any]]
-"""A position for a text [length], and the alignment of the text there."""
-
-Written: TypeAlias = "tuple[Text, Sequence[Spot]]"
-"""A text, which stands at the first of its spots, and all spots that it may take."""
-
 _WRAP: Final = 44  # characters in a line of the legend
 _LONG: Final = 6  # numbers from 10⁶ on, or below 10⁻⁵, are written with a power of ten
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _NOISE: Final = 1e-12  # an end of a range below this share of the other end is rounding, and shown as 0
-_UPRIGHT: Final = 0.3  # component of a unit normal below which a text is centred in that direction
-
-
-def alignment(normal: FloatArray) -> dict[str, Any]:
-    """Alignment of a text beside a side with this normal: the text extends away from the body."""
-    x, y = normal.tolist()
-    across = "center" if abs(x) < _UPRIGHT else "left" if x > 0.0 else "right"
-    upward = "center" if abs(y) < _UPRIGHT else "bottom" if y > 0.0 else "top"
-    return {"ha": across, "va": upward}
 
 
 def value_range(name: str, values: FloatArray, unit: str) -> str:
@@ -212,36 +201,67 @@ def wrapped(text: str) -> str:
     return plain_text(textwrap.fill(text, _WRAP, subsequent_indent="   ", break_on_hyphens=False))
 
 
-def write(axes: "Axes", text: str, spots: Sequence[Spot], colour: str = "black") -> Written:
-    """Write a text at the first of its spots; `spread` moves it to another one where texts overlap."""
-    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.7}
-    look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
-    (x, y), align = spots[0]
-    lines = [plain_text(textwrap.fill(line, _WRAP)) for line in text.splitlines()]
-    return axes.text(x, y, "\n".join(lines), **look, **align), spots
+_UPRIGHT: Final = 0.3  # component of a direction below which a text is centred along that axis
+_OFF: Final = 4.0  # distance of a text from its point [printer's points]
+
+Spot: TypeAlias = tuple[FloatArray, FloatArray]
+"""A point (2,) [length] and the direction (2,) in which a text extends from it; a text is centred on it without one."""
 
 
-def spread(axes: "Axes", written: Sequence[Written]) -> None:
-    """Move each text to the first of its spots where it overlaps no earlier text; if there is none, it stays."""
-    figure = axes.get_figure(root=True)
-    if figure is None or not written:
-        return
-    engine = figure.get_layout_engine()
-    if axes.get_axes_locator() is not None:  # inset axes get their place only when the figure is drawn
-        figure.draw_without_rendering()
-    else:  # the layout gives all sizes; drawing would take twice as long
-        if engine is not None:
-            engine.execute(figure)
-        axes.apply_aspect()
-    boxes: list[Any] = []
-    for text, spots in written:
-        for place, align in (*spots, spots[0]):
-            text.set_position(place.tolist())
-            text.set(**align)
-            box = text.get_window_extent().padded(3.0)  # with its white background
-            if not any(box.overlaps(other) for other in boxes):
-                break
-        boxes.append(box)
+class Labels:
+    """Names and numbers in a picture, each with the spots that it may take; `drawn` are points (n, 2) to keep clear."""
+
+    def __init__(self, axes: "Axes", drawn: Sequence[FloatArray] = ()) -> None:
+        self.drawn = list(drawn)
+        self._axes, self._texts = axes, list[tuple[Any, Sequence[Spot]]]()
+
+    def write(self, text: str, spots: Sequence[Spot], **look: Any) -> None:
+        """Write a text at the first of its spots; `fit` may move it to another one."""
+        box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.7}
+        given: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "annotation_clip": False} | look
+        lines = [plain_text(textwrap.fill(line, _WRAP)) for line in text.splitlines()]
+        written = self._axes.annotate("\n".join(lines), (0.0, 0.0), (0.0, 0.0), textcoords="offset points", **given)
+        self._texts.append((written, spots))
+        _move(written, spots[0])
+
+    def fit(self, box: FloatArray) -> FloatArray:
+        """Move each text to the spot where it covers least of earlier texts, then of `drawn`.
+
+        Returns the box (2, 2) [length], larger where it does not hold the texts.
+        """
+        figure = self._axes.get_figure(root=True)
+        if figure is None or not self._texts:
+            return box
+        engine = figure.get_layout_engine()
+        if self._axes.get_axes_locator() is not None:  # inset axes get their place only when the figure is drawn
+            figure.draw_without_rendering()
+        else:  # the layout gives all sizes; drawing would take twice as long
+            if engine is not None:
+                engine.execute(figure)
+            self._axes.apply_aspect()
+        points, boxes = self._axes.transData.transform(np.concatenate([np.empty((0, 2)), *self.drawn])), list[Any]()
+        for text, spots in self._texts:
+
+            def covered(spot: Spot, text: Any = text) -> tuple[int, int]:
+                _move(text, spot)
+                extent = text.get_window_extent().padded(3.0)  # with its white background
+                inside = ((points > extent.min) & (points < extent.max)).all(axis=1)
+                return sum(map(extent.overlaps, boxes)), int(inside.sum())
+
+            _move(text, min(spots, key=covered))
+            boxes.append(text.get_window_extent().padded(3.0))
+            low, high = self._axes.transData.inverted().transform(text.get_window_extent().get_points())
+            margin = 0.01 * (box[1] - box[0])
+            box = np.array([np.minimum(box[0], low - margin), np.maximum(box[1], high + margin)])
+        return box
+
+
+def _move(text: Any, spot: Spot) -> None:
+    """Move a text to a spot, aligned so that it extends in the direction of the spot."""
+    text.xy, (x, y) = spot[0].tolist(), spot[1].tolist()
+    text.set_position((_OFF * x, _OFF * y))
+    text.set_ha("center" if abs(x) < _UPRIGHT else "left" if x > 0.0 else "right")
+    text.set_va("center" if abs(y) < _UPRIGHT else "bottom" if y > 0.0 else "top")
 
 
 _WIDTH: Final = re.compile(r'\swidth="([\d.]+)pt"')

@@ -137,8 +137,8 @@ class Expression:
     """
 
     text: str
-    constants: Mapping[str, float] = field(default_factory=dict, hash=False)
-    t: float = 0.0
+    constants: Mapping[str, float] = field(default_factory=dict, hash=False, repr=False)
+    t: float = field(default=0.0, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", finite_number("Expression.t", self.t))

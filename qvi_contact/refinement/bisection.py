@@ -19,6 +19,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, whole_number
 from qvi_contact.bracket import Bounds
 from qvi_contact.element.edge import gauss_legendre
+from qvi_contact.element.hsieh_clough_tocher import LOWEST
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitProblem
 from qvi_contact.limit.stresses import limited
@@ -173,7 +174,7 @@ class TriangleRefinement:
     def degree(self) -> int:
         """Degree of the answers."""
         degree = self.settings.options.get("degree")
-        return _DEGREE if degree is None else whole_number("degree", degree, _HIGHEST)
+        return _DEGREE if degree is None else whole_number("degree", degree, _HIGHEST, LOWEST)
 
     def answer(self, mesh: TriangleMesh) -> ContactResult | History:
         """The result on the mesh, or the history of all load steps."""

@@ -37,11 +37,11 @@ def fraction(field: str, value: object) -> float:
     return float(value)
 
 
-def whole_number(field: str, value: object, largest: int = 2**31 - 1) -> int:
-    """`value` as an int; `InputError` unless it is a whole number from 1 to `largest`."""
+def whole_number(field: str, value: object, largest: int = 2**31 - 1, least: int = 1) -> int:
+    """`value` as an int; `InputError` unless it is a whole number from `least` to `largest`."""
     is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not is_whole or not 1 <= value <= largest:  # type: ignore[operator]  # a number by now
-        raise InputError(field, value, f"give a whole number from 1 to {largest}")
+    if not is_whole or not least <= value <= largest:  # type: ignore[operator]  # a number by now
+        raise InputError(field, value, f"give a whole number from {least} to {largest}")
     return int(value)  # type: ignore[call-overload,no-any-return]
 
 

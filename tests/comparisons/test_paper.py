@@ -11,6 +11,7 @@ import os
 import re
 import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,6 +66,8 @@ class TestNumbers:
         assert {row["friction"]: f"{row['uzawa_30']:.2f}" for row in rows} == TABLE_1
         printed = {row["friction"]: f"{row['uzawa_30_printed_rule']:.2f}" for row in rows}
         assert printed == TABLE_1 | {0.0: "210.23"}
+        theory = (Path(__file__).parents[2] / "docs" / "theory.md").read_text(encoding="utf-8")
+        assert all(" | ".join(f"{row[each]:.2f}" for row in rows) in theory for each in ("uzawa_30", "condensed"))
 
     def test_maxima_of_the_figures(self, paper):
         rows = room.figure_rows(paper)

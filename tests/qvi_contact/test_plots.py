@@ -19,6 +19,7 @@ from qvi_contact import (
     LimitLoad,
     TriangleMesh,
     limit_load_factor,
+    load_problem,
     principal_stresses,
     solve,
 )
@@ -36,6 +37,7 @@ from qvi_contact.plots import (
     limit_figure,
     result_figure,
     save_figure,
+    value_range,
 )
 from qvi_contact.problem import (
     Contact,
@@ -51,6 +53,7 @@ from qvi_contact.problem import (
 from qvi_contact.solution import ContactLine, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
+from tests.golden.problems import EXAMPLES
 from tests.qvi_contact.builders import polygon
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
@@ -105,8 +108,7 @@ class TestTractions:
     @staticmethod
     def draw(order, vertical):
         line = contact([EDGES[i] for i in order], [STATES[i] for i in order], vertical)
-        axes = new_axes()
-        contact_tractions(axes, line, Units("mm", "MPa"))
+        contact_tractions(axes := new_axes(), line, Units("mm", "MPa"))
         return line, axes
 
     def test_each_point_lies_in_a_range_of_its_state_alone(self, order, vertical):
@@ -143,9 +145,7 @@ class TestTractions:
 
 
 def test_a_tied_contact_has_no_bound_to_draw():
-    line = contact([(0.0, 1.0)], [[STICK] * 4], bound=np.inf)
-    axes = new_axes()
-    contact_tractions(axes, line)
+    contact_tractions(axes := new_axes(), contact([(0.0, 1.0)], [[STICK] * 4], bound=np.inf))
     assert [drawn.get_label()[:8] for drawn in axes.lines] == ["pressure", "friction"]
     assert np.isfinite(axes.get_ylim()).all()
 
@@ -263,19 +263,14 @@ class TestBody:
         edges, t = result.problem.mesh.boundary, np.array([0.0, 0.3, 1.0])
         x, y = result.problem.mesh.points_along(edges, t)
         moved = shape.along(edges, t)
-        middle = moved[..., 0] - 0.016 * x, moved[..., 1] + 0.023 * y
-        assert np.ptp(middle[0]) == pytest.approx(0.0, abs=1e-7)
-        assert np.ptp(middle[1]) == pytest.approx(0.0, abs=1e-7)
+        assert np.ptp(moved - np.stack([0.016 * x, -0.023 * y], axis=-1), axis=(0, 1)) == pytest.approx(0.0, abs=1e-7)
 
     @pytest.mark.parametrize("law", ["tied", "unilateral"])
     def test_springs_give_way(self, law):
         """Under p = 20 and q = 3 a bed of k_N = 400 and k_T = 100 gives way by 0.05 and 0.03; ε_xx = 0."""
         result = uniform_result(xx=-6.0, yy=-20.0, xy=3.0)
-        bed = replace(
-            Contact("bottom", 0.0 if law == "tied" else 0.5, law=law),
-            normal_stiffness=400.0,
-            tangential_stiffness=100.0,
-        )
+        friction, stiffness = 0.0 if law == "tied" else 0.5, {"normal_stiffness": 400.0, "tangential_stiffness": 100.0}
+        bed = Contact("bottom", friction, law=law, **stiffness)
         kept = [each for each in result.problem.conditions if each.edges != "bottom"]
         shape = Shape.of(solve(replace(result.problem, conditions=[*kept, bed])))
         moved = shape.along(result.problem.mesh.edges("bottom"), np.array([0.0, 0.5, 1.0]))
@@ -321,8 +316,7 @@ class TestBody:
         conditions = [bed, Traction("top", x=0.0, y=-1.0), *FREE]
         block = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1e2, 0.3), conditions)
         for draw, shown in ((draw_body, solve(block)), (draw_problem, block)):
-            axes = new_axes()
-            draw(axes, shown)
+            draw(axes := new_axes(), shown)
             zigzags = [line for line in axes.collections if isinstance(line, LineCollection)]
             paths = [path for line in zigzags for path in line.get_segments() if len(path) == 8]
             assert len(paths) >= 3
@@ -370,8 +364,7 @@ class TestBody:
         assert np.hypot(*diagram.T).min() > (1.7 if joint else 3.8)
 
     def test_eccentricity_and_line_of_thrust_of_joints(self):
-        axes = new_axes()
-        draw_body(axes, leaning())
+        draw_body(axes := new_axes(), leaning())
         texts = {text.get_text().split(":")[0]: text.get_text().splitlines()[-1] for text in axes.texts}
         assert texts == dict.fromkeys(("bed", "bottom"), "e = 0.0833 length")
         (thrust,) = (each for each in axes.collections if each.get_label() == "line of thrust")
@@ -379,13 +372,15 @@ class TestBody:
         assert [start[0], end[0]] == pytest.approx([7 / 12] * 2, abs=0.05)
         assert abs(end[1] - start[1]) == pytest.approx(1.0, rel=0.1)
 
-    def test_noise_beside_a_number_is_zero(self):
-        assert beside([4812.15, -0.00609]) == ["4812", "0"]
-        assert beside([10.861, -0.0272]) == ["10.86", "−0.03"]
-        assert beside([0.0, 0.0]) == ["0", "0"]
-        assert beside([98100.2, -3.0]) == ["98100", "0"]
-        assert beside([2e6, -1.40546e6]) == ["2 · 10⁶", "−1.405 · 10⁶"]
+    @pytest.mark.parametrize(
+        ("values", "texts"),
+        [([4812.15, -0.00609], "4812 0"), ([10.861, -0.0272], "10.86 −0.03"), ([0.0, 0.0], "0 0"),
+         ([98100.2, -3.0], "98100 0"), ([2e6, -1.40546e6], "2·10⁶ −1.405·10⁶")],
+    )  # fmt: skip
+    def test_noise_beside_a_number_is_zero(self, values, texts):
+        assert [text.replace(" ", "") for text in beside(values)] == texts.split()
         assert beside([8.7129e-4], 3) == ["0.000871"]
+        assert value_range("gap", np.array([-8.0, 3e-16]), "mm") == "gap\xa0=\xa0−8\xa0…\xa00\xa0mm"
 
 
 def said(figure):
@@ -474,6 +469,8 @@ class TestFigures:
         assert len(history_figure(History((steps[0], solve(still)), 2)).axes) == 2
         with pytest.raises(InputError, match="no contact"):
             history_figure(History((), 2))
+        wall = solve(load_problem(EXAMPLES / "dry_stone_wall.toml").problem)
+        assert "not shown: head 2, head 3" in history_figure(History((wall,), 1))._suptitle.get_text()
         mesh, top = TriangleMesh.rectangle((2, 2), 2.0, 1.0), Traction("top", x=20.0, y=-100.0)
         block = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.5), top, *FREE])
         figure = history_figure(History((solve(block),), 1))
