@@ -67,8 +67,10 @@ def result_figure(
         reason_text = result.message.removesuffix(result.solution.message).rstrip(": ")
         reason = f"{reason_text or f'Not solved: {result.status.words}'}. {result.status.advice}"
         return _motion_figure(result.problem, result.mechanism, title, reason, result.solution.message, units)
+    joints, contacts = {joint.name for joint in result.problem.joints}, result.contacts.values()
+    ranked = sorted(contacts, key=lambda line: (line.name in joints, float(f"{-abs(line.normal_force):.6e}")))
     if panels is None:
-        leading = [line.name for line in _by_force(result) if len(line.path.lines) == 1][:_NAMED]
+        leading = [line.name for line in ranked if len(line.path.lines) == 1][:_NAMED]
         panels = [name for name in result.contacts if name in leading]
     with style.settings():
         figure = style.new_figure(_WIDTH, _WIDTH)
@@ -86,7 +88,7 @@ def result_figure(
                 chart.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:
             style.legend_below(charts[-1], charts, 6)
-        _lay_out(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.written)
+        _lay_out(figure, drawn.box, title, _answer(result, ranked, units), result.solution.message, drawn.written)
     return figure
 
 
@@ -133,16 +135,10 @@ def _with_texts(axes: "Axes", box: FloatArray, written: Sequence[Written]) -> Fl
     return box
 
 
-def _by_force(result: ContactResult) -> list[ContactLine]:
-    """The contacts, obstacles before joints, each from the largest normal force to the smallest."""
-    joints, contacts = {joint.name for joint in result.problem.joints}, result.contacts.values()
-    return sorted(contacts, key=lambda line: (line.name in joints, float(f"{-abs(line.normal_force):.6e}")))
-
-
-def _answer(result: ContactResult, units: Units) -> str:
-    """Forces and states of the first contacts `_by_force`; the status if not solved."""
+def _answer(result: ContactResult, ranked: Sequence[ContactLine], units: Units) -> str:
+    """Forces and states of the first of the ranked contacts; the status if not solved."""
     sentences, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
-    for line in _by_force(result)[:_NAMED]:
+    for line in ranked[:_NAMED]:
         normal, tangential = beside(line.forces)
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"
