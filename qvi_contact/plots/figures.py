@@ -52,11 +52,10 @@ def result_figure(
 ) -> "Figure":
     """A result for a report: the deformed body, and charts of pressure and friction along contacts.
 
-    The title and the answer stand above, the solver's message in small print below. `draw_body` has what is drawn, and
-    the stresses that `component` names. Each contact in `panels` has a chart; by default these are the two of one line
-    with the largest forces, obstacles before joints. Give `scales` if several results are to be compared. Without a
-    stress state, as for an infeasible problem, the loads are drawn, and the motion of the blocks in the mechanism, if
-    there is one. `InputError` if there is no contact of a name, or no such stress.
+    The title and the answer stand above, the solver's message below. `draw_body` has what is drawn, and the stresses
+    that `component` names. Each contact in `panels` has a chart; by default these are the two of one line with the
+    largest forces, obstacles before joints. Give `scales` to compare results. Without a stress state the loads are
+    drawn, and the motion of the mechanism, if there is one. `InputError` if there is no contact or stress of a name.
     """
     units = style.plain_units(units)
     instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns, or one of the steps")
