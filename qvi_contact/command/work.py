@@ -208,8 +208,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         remarks.append("The time limit ended the search for the other bound: allow more time.")
     elif limit_load.upper == math.inf:
         remarks.append(
-            "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at "
-            "any multiple: check a load by qvi-contact solve."
+            "If other loads act, smaller multiples, even 1, may be too small to hold the body. Under Coulomb friction "
+            "it may slide at any multiple: check a load by qvi-contact solve."
         )
     lines = [f"{', '.join(loads)}: {report.limit_sentence(limit_load)}", *refined_lines, *remarks]
     if limit_load.mechanism is None and limit_load.collapse is None:

@@ -22,6 +22,7 @@ from qvi_contact.plots.style import Labels, beside, lines
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.units import Rounding, Units
@@ -32,12 +33,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PARTS: Final = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)  # of named edges
-_PANELS: Final = 2  # largest number of charts, unless `panels` asks for more
 _WIDTH: Final = 6.3  # width of the figure of a result [inch]: that of the text on a page
 _BODY: Final = 4.6  # width of the body in it [inch], about
 _PASSES: Final = 6  # enlargements of the box until it holds the texts beside the body
 _CHART: Final = 1.5  # height of a chart [inch]
-_NAMED: Final = 2  # contacts whose forces the answer states
+_NAMED: Final = 2  # contacts whose forces the answer states, and charts unless `panels` asks for others
 _CANCELLED: Final = 1e-6  # resultant over the sum of its parts, below which it has no direction
 _SHARE: Final = 0.005  # least share of a contact's length of which the answer states the state
 
@@ -52,11 +52,10 @@ def result_figure(
 ) -> "Figure":
     """A result for a report: the deformed body, and charts of pressure and friction along contacts.
 
-    The title and the answer stand above, the solver's message in small print below. `draw_body` has what is drawn, and
-    the stresses that `component` names. Each contact in `panels` has a chart; by default these are the first two that
-    consist of one line. Give `scales` if several results are to be compared. Without a stress state, as for an
-    infeasible problem, the loads are drawn, and the motion of the blocks in the mechanism, if there is one.
-    `InputError` if there is no contact of a name, or no such stress.
+    The title and the answer stand above, the solver's message below. `draw_body` has what is drawn, and the stresses
+    that `component` names. Each contact in `panels` has a chart; by default these are the two of one line with the
+    largest forces, obstacles before joints. Give `scales` to compare results. Without a stress state the loads are
+    drawn, and the motion of the mechanism, if there is one. `InputError` if there is no contact or stress of a name.
     """
     units = style.plain_units(units)
     instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns, or one of the steps")
@@ -67,8 +66,11 @@ def result_figure(
         reason_text = result.message.removesuffix(result.solution.message).rstrip(": ")
         reason = f"{reason_text or f'Not solved: {result.status.words}'}. {result.status.advice}"
         return _motion_figure(result.problem, result.mechanism, title, reason, result.solution.message, units)
+    joints, contacts = {joint.name for joint in result.problem.joints}, result.contacts.values()
+    ranked = sorted(contacts, key=lambda line: (line.name in joints, float(f"{-abs(line.normal_force):.6e}")))
     if panels is None:
-        panels = [line.name for line in result.contacts.values() if len(line.path.lines) == 1][:_PANELS]
+        leading = [line.name for line in ranked if len(line.path.lines) == 1][:_NAMED]
+        panels = [name for name in result.contacts if name in leading]
     with style.settings():
         figure = style.new_figure(_WIDTH, _WIDTH)
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
@@ -85,7 +87,7 @@ def result_figure(
                 chart.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:
             style.legend_below(charts[-1], charts, 6)
-        _lay_out(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.labels)
+        _lay_out(figure, drawn.box, title, _answer(result, ranked, units), result.solution.message, drawn.labels)
     return figure
 
 
@@ -122,12 +124,10 @@ def _lay_out(
         box = box if labels is None else labels.fit(box)
 
 
-def _answer(result: ContactResult, units: Units) -> str:
-    """Forces and states of the contacts with the largest forces, obstacles before joints; the status if not solved."""
-    joints, contacts = {joint.name for joint in result.problem.joints}, result.contacts.values()
-    lines = sorted(contacts, key=lambda line: (line.name in joints, float(f"{-abs(line.normal_force):.6e}")))
+def _answer(result: ContactResult, ranked: Sequence[ContactLine], units: Units) -> str:
+    """Forces and states of the first of the ranked contacts; the status if not solved."""
     sentences, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
-    for line in lines[:_NAMED]:
+    for line in ranked[:_NAMED]:
         normal, tangential = beside(line.forces)
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"

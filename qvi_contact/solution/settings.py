@@ -109,8 +109,8 @@ class RefineOptions:
     target: float | None = None
     """Relative error asked for; 1e-3 by default: `target = 1e-4`."""
     quantity: str | None = None
-    """energy (by default) or dissipation; the force of a contact, NAME.normal_force or NAME.tangential_force, its
-    NAME.largest_pressure or NAME.slip(x, y) at a point; of a plate or pin its force or motion, NAME.force_x, force_y,
+    """energy (by default) or dissipation; of a contact NAME.normal_force, NAME.tangential_force, NAME.slip(x, y), or
+    NAME.largest_pressure, infinite at sharp corners; of a plate or pin its force or motion, NAME.force_x, force_y,
     moment, x, y or rotation; a stress at a point, xx(x, y), yy, xy, von_mises, first or second; or its extreme along a
     named edge, EDGES.largest_von_mises, EDGES.smallest_second: `quantity = "base.normal_force"`."""
     max_unknowns: int | None = None
