@@ -171,9 +171,12 @@ def run(case: Mapping[str, Any]) -> Record:
         "accuracy": float(found.certificate.accuracy),
     }  # fmt: skip
     if found.status is Status.SOLVED:
-        line = found.contacts[problem.contact] if isinstance(found, ContactResult) else None
-        record["message"] = ""
-        record["force"] = abs(float(getattr(line, problem.force) if line is not None else plate.force(found.z)))
+        force = (
+            plate.force(found.z)
+            if isinstance(found, QVISolution)
+            else getattr(found.contacts[problem.contact], problem.force)
+        )
+        record |= {"message": "", "force": abs(float(force))}
     return {"meshes": [record]}
 
 

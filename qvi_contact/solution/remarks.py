@@ -18,7 +18,7 @@ from qvi_contact.mesh.edges import closes, edge_ends
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.contact_line import ContactState
-from qvi_contact.solution.stress import cell_stresses
+from qvi_contact.solution.stress import stress_in_cells
 from solvers import Status
 from solvers.factorisation.base import FactorisationError
 from solvers.inner.linear_program import solved
@@ -71,7 +71,7 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             "the tractions jump, or refine there."
         )
     t, weight = (each[:1] for each in result.discretization.space.cell_quadrature)  # at one point of each triangle
-    stress = scales.stress * cell_stresses(result.discretization, result.dofs, t)[1].swapaxes(1, 2)
+    stress = scales.stress * stress_in_cells(result.discretization, result.dofs, t=t)[1].swapaxes(1, 2)
     strains = np.abs(result.problem.compliances @ stress).max(axis=(1, 2))
     order, areas = np.argsort(strains), result.discretization.space.cell_measures(t, weight)[:, 0]
     share = np.cumsum(areas[order])  # the median by area: small triangles in corners count little
@@ -122,7 +122,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
     if problem.yields:
         from qvi_contact.limit.stresses import excess  # loaded only for bodies that yield
 
-        points, stress = cell_stresses(result.discretization, result.dofs)
+        points, stress = stress_in_cells(result.discretization, result.dofs)
         x, y = physical(problem, scales, points)
         above = excess(problem, x, y, scales.stress * stress)
         least, largest = _YIELDS * scales.stress, float(above.max())

@@ -19,7 +19,7 @@ PARAMETERS: Final = get_args(Parameter)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(Method):
+class Settings(WithFields, Method):
     """How a problem is discretised and solved: the fields below, and all fields of `solvers.settings.Settings`.
 
     All functions that solve accept these settings, or fields and options of the method as keyword arguments:
@@ -67,9 +67,6 @@ class Settings(Method):
         names = ("degree", "law_on", "method", "inner", "tolerance", "factorisation", "initial")
         changed = {name: value for name in names if (value := getattr(self, name)) is not getattr(type(self), name)}
         return {**changed, **self.options}
-
-
-Settings.__doc__ = WithFields(Settings)  # type: ignore[assignment]
 
 
 def pressures(initial: object) -> Any:

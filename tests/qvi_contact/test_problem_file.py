@@ -128,7 +128,7 @@ def plate(**changes):
     [({"gap": lambda x, y: x * y}, "contacts[0].gap", "Expression"),
      ({"gap": Expression("a", {"a": 1.0}), "offset": Expression("a", {"a": 2.0})}, "contacts[0].offset", "rename"),
      ({"gap": Expression("t", t=1.0), "offset": Expression("t", t=2.0)}, "contacts[0].offset", "one time"),
-     ({"name": "two\nlines"}, "contacts[0].name", "one line")],
+     ({"name": "two\nlines"}, "Contact.name", "one line")],
 )  # fmt: skip
 def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
     with refused_at(field, words):
