@@ -4,14 +4,14 @@ SQLite uses its rollback journal here. A write-ahead log would need memory share
 network folders do not offer, would keep the last rows in a second file, and would forbid reading in a read-only folder.
 When a transaction ends, its rows and the file's entry in the folder are on disk (synchronous = EXTRA).
 
-A run that writes holds a lock on an empty database beside the file, named .lock. The lock ends with the process,
+A run that writes holds a lock on an empty database beside its file, named .lock. The lock ends with the process,
 however the process ends. Other processes can read meanwhile. The .lock file stays after the run: if a run removed it,
 another run might just have opened it, and then two runs could write. It may be deleted when no run is at work.
 """
 
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -64,11 +64,7 @@ class Database:
         A new file gets its name only when it has its tables, and the rows that `fill` writes into them.
         """
         writable_folder(path.parent, "store")
-        target = path.resolve()
-        lock = target.with_name(f"{target.name}.lock")  # the file itself need not exist yet
-        with self.explained(path), closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as locked:
-            locked.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
-            locked.execute("BEGIN EXCLUSIVE")
+        with self.explained(path), locked(path):
             rows = None
             if path.exists():
                 with self.opened(path) as connection:
@@ -126,15 +122,9 @@ class Database:
                 raise self.damaged(path) from error
             yield connection
 
-    @contextmanager
-    def explained(self, path: Path) -> Iterator[None]:
+    def explained(self, path: Path) -> AbstractContextManager[None]:
         """Turn errors of SQLite in the block into an `InputError` with a remedy, in one line."""
-        try:
-            yield
-        except sqlite3.Error as error:
-            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # the primary code
-            known = {**_REMEDIES, sqlite3.SQLITE_NOTADB: self._not_one}
-            raise InputError("store", str(path), known.get(code, f"SQLite says: {error}")) from error
+        return _explained(path, self._not_one)
 
     def damaged(self, path: Path) -> InputError:
         """The error about a damaged file."""
@@ -143,6 +133,28 @@ class Database:
     @property
     def _not_one(self) -> str:
         return f"is not {self.what}: give another file"
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Lock a file for other runs in the block; `InputError` of "store" if another run holds the lock."""
+    target = path.resolve()
+    lock = target.with_name(f"{target.name}.lock")  # the file itself need not exist yet
+    remedy = "its lock is another file: delete that file"
+    with _explained(path, remedy), closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
+        connection.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
+        connection.execute("BEGIN EXCLUSIVE")
+        yield
+
+
+@contextmanager
+def _explained(path: Path, not_one: str) -> Iterator[None]:
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # the primary code
+        known = {**_REMEDIES, sqlite3.SQLITE_NOTADB: not_one}
+        raise InputError("store", str(path), known.get(code, f"SQLite says: {error}")) from error
 
 
 def _statements(connection: sqlite3.Connection) -> list[tuple[str, str, list[str]]]:

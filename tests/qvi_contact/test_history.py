@@ -251,7 +251,15 @@ def done(folder):
 
 
 def test_it_goes_on_where_it_stopped(begun, whole):
-    told, history = done(begun)
+    """Two runs at once would write the same steps: the second is refused, and finds them later."""
+    told = []
+
+    def twice(number, _):
+        told.append(number)
+        with pytest.raises(InputError, match="another run is at work"):
+            done(begun)
+
+    history = solve_history(STEPS, twice, store=begun)
     assert told == [5, 6, 7]
     assert whole.slip("plate")[3].any()  # without it the steps that follow would be others
     same(history, whole)
