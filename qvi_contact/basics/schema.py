@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager, suppress
@@ -414,7 +415,7 @@ def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (
         raise InputError("", data, "give a table: keys and values")
     for name in data:
         if name not in known and name not in also:
-            raise InputError(quoted(name), data[name], _suggestion(name, (*also, *known), reader))
+            raise InputError(quoted(name), data[name], _suggestion(kind, name, (*also, *known), reader))
     values = {}
     for name, each in known.items():
         if name in data:
@@ -549,16 +550,21 @@ def _with_path(path: str, error: InputError) -> InputError:
     return type(error)(joined(path, error.field), value, in_toml(error.remedy))
 
 
-def _suggestion(name: str, known: Iterable[str], reader: Reader) -> str:
-    """Remedy for an unknown key: a similar known key, or the place in the file where such a key belongs."""
+def _suggestion(kind: type, name: str, known: tuple[str, ...], reader: Reader) -> str:
+    """Remedy for an unknown key: the place where it belongs, or a known key of similar name, or with it in its text."""
     places = dict.fromkeys(file_keys(reader.whole), "the top of the file, before the first [table]")
     for table, headings in tables_of(reader.whole).items():
         places = dict.fromkeys(file_keys(table), headings[0]) | places
-    suggestion, listed = closest(name, {**dict.fromkeys(known), **places}), f"the keys here are {', '.join(known)}"
+    listed = f"the keys here are {', '.join(known)}"
+    if name in places:
+        return f"this belongs to {places[name]}; {listed}"
+    suggestion = closest(name, {**dict.fromkeys(known), **places})
+    for each in (kind, *inlined(kind)) if suggestion not in known else ():
+        for here, text in described(each).items():
+            if here in known and re.search(rf"\b{re.escape(name)}\b", text):
+                return f"there is no such key; did you mean {here}? {text.rpartition(': `')[0]}; {listed}"
     if suggestion is None:
         return f"there is no such key; {listed}"
-    if suggestion == name:
-        return f"this belongs to {places[suggestion]}; {listed}"
     where = "" if suggestion in known else f", of {places[suggestion]}"
     return f"there is no such key; did you mean {suggestion}{where}? ({listed})"
 

@@ -28,7 +28,7 @@ SETTINGS: Final[tuple[str, ...]] = (
 _PATIENCE: Final = 30.0  # seconds that a writer waits for a reader
 
 _OPEN: Final = "cannot be opened or written: give another place, or the right to write there"
-_BUSY: Final = "another run is at work on it: wait until it has ended, or give another file"
+_BUSY: Final = "another run is at work on it: wait until it has ended, or give another store"
 _REMEDIES: Final = {
     sqlite3.SQLITE_FULL: "there is no room left: make room and give the same command again; finished rows are kept",
     sqlite3.SQLITE_READONLY: _OPEN,

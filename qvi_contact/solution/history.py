@@ -23,6 +23,7 @@ import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, function_or_none, instance_of, real_array, true_or_false
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, laws_vary
 from qvi_contact.discretization.scaling import Scales
@@ -53,7 +54,7 @@ _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.
 
 
 @dataclass(frozen=True, eq=False)
-class History:
+class History(WithFields):
     """Results of the load steps, up to the first step that is not solved.
 
     In each step's result `slip` and `energies.dissipation` are those of the step. Energies are computed from the

@@ -11,6 +11,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.loads import joined, physical
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
@@ -180,7 +181,7 @@ _NOTHING: Final = 1e-9  # the same, below which tractions are zero up to roundin
 
 
 @dataclass(frozen=True)
-class UndeterminedMotion:
+class UndeterminedMotion(WithFields):
     """Rigid motions that several bodies have in common and nothing determines."""
 
     names: tuple[str, ...]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
 from qvi_contact.discretization.space import POTENTIAL, split_points
@@ -57,7 +58,7 @@ _SHARE = 1e-3
 
 
 @dataclass(frozen=True)
-class Resultant:
+class Resultant(WithFields):
     """Resultant of the tractions on an edge set, a unit of thickness."""
 
     x: float
@@ -68,7 +69,7 @@ class Resultant:
 
 
 @dataclass(frozen=True)
-class Energies:
+class Energies(WithFields):
     """Energies a unit of thickness [stress × length²]."""
 
     strain: float
@@ -102,7 +103,7 @@ def plate_motions(problem: ContactProblem, computed: Mapping[str, Mapping[str, f
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult(PicklesFields):
+class ContactResult(WithFields, PicklesFields):
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
@@ -227,7 +228,8 @@ class ContactResult(PicklesFields):
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Stress (..., 3) at points x, y of the body [length], broadcast against each other; `InputError` outside.
 
-        The components are σ_xx, σ_yy, σ_xy [stress], tension positive; on edges inside the body the mean of both cells.
+        The components are σ_xx, σ_yy, σ_xy [stress], tension positive. On edges inside the body, also between materials
+        and on joints, this is the mean of both sides: for one side give a point a little inside it.
         """
         return stress_at(self.discretization, self.dofs, x, y)[..., :3]
 

@@ -108,8 +108,9 @@ class RefineOptions:
     quantity: str | None = None
     """energy (by default) or dissipation; the force of a contact, NAME.normal_force or NAME.tangential_force, its
     NAME.largest_pressure or NAME.slip(x, y) at a point; of a plate or pin its force or motion, NAME.force_x, force_y,
-    moment, x, y or rotation; a stress at a point, xx(x, y), yy, xy, von_mises, first or second; or its extreme along a
-    named edge, EDGES.largest_von_mises, EDGES.smallest_second: `quantity = "base.normal_force"`."""
+    moment, x, y or rotation; a stress at a point, xx(x, y), yy, xy, von_mises, first or second, on edges inside the
+    body of the mean stress of both sides; or the extreme of both sides along a named edge, EDGES.largest_von_mises,
+    EDGES.smallest_second: `quantity = "base.normal_force"`."""
     max_unknowns: int | None = None
     """Largest number of unknowns; 20000 by default: `max_unknowns = 50_000`."""
     max_rounds: int | None = None

@@ -10,7 +10,6 @@ import math
 import pickle
 import sqlite3
 import time
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
@@ -25,7 +24,7 @@ import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import function_or_none, instance_of, names_among, one_of, real_array, true_or_false
-from qvi_contact.basics.schema import LARGEST
+from qvi_contact.basics.schema import LARGEST, WithFields
 from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import laws_vary
@@ -54,7 +53,7 @@ _GRACE: Final = 30.0  # seconds after the time limit at which a worker process i
 
 
 @dataclass(frozen=True)
-class SweepRow:
+class SweepRow(WithFields):
     """One value of a sweep."""
 
     number: int
@@ -81,16 +80,16 @@ class SweepRow:
         return cls(number, value, result.status, result.message, result.iterations, accuracy, seconds, contacts)
 
 
-class SweepRows(ABC):
+class SweepRows(WithFields):
     """Statuses and tables of a sweep, whether its results are in memory or its rows in a file."""
 
     parameter: Parameter
     values: tuple[float, ...]
     _unfinished: ClassVar[str] = f"time limit after {{}} of {{}} values. {Status.TIME_LIMIT.advice}"
 
-    @abstractmethod
     def rows(self) -> Iterator[SweepRow]:
         """The rows of all values that are done, in the order of the values."""
+        raise NotImplementedError
 
     @property
     def statuses(self) -> tuple[Status, ...]:
@@ -463,14 +462,14 @@ _DONE: Final = f"""
 
 @dataclass(frozen=True)
 class StoredSweep(SweepRows):
-    """A sweep whose rows are in a file, which is read on each access.
-
-    `values` are all values asked for, done or not. Each access raises `InputError` if the file is gone or damaged.
-    """
+    """A sweep whose rows are in a file, which is read on each access; `InputError` if it is gone or damaged."""
 
     path: Path
+    """The file."""
     parameter: Parameter
+    """The name of the datum that is changed."""
     values: tuple[float, ...]
+    """All values asked for, done or not."""
     _unfinished = "{} of {} values are done: a run works, was stopped, or reached its time limit. The same call goes on"
 
     def rows(self) -> Iterator[SweepRow]:
