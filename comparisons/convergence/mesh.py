@@ -171,11 +171,10 @@ def run(case: Mapping[str, Any]) -> Record:
         "accuracy": float(found.certificate.accuracy),
     }  # fmt: skip
     if found.status is Status.SOLVED:
-        force = (
-            plate.force(found.z)
-            if isinstance(found, QVISolution)
-            else getattr(found.contacts[problem.contact], problem.force)
-        )
+        if isinstance(found, ContactResult):
+            force = getattr(found.contacts[problem.contact], problem.force)
+        else:
+            force = plate.force(found.z)
         record |= {"message": "", "force": abs(float(force))}
     return {"meshes": [record]}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -99,7 +98,7 @@ def plate_motions(problem: ContactProblem, computed: Mapping[str, Mapping[str, f
             x, y = RigidMotion(x, y, turn, reference).at(np.array(plate.pivot)).tolist()
             given = plate.x or 0.0, plate.y or 0.0, plate.rotation or 0.0
             motions[contact.name] = RigidMotion(x + given[0], y + given[1], turn + given[2], plate.pivot)
-    return MappingProxyType(Named("plates", _WITH_PLATE, motions))
+    return Named("plates", _WITH_PLATE, motions)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -284,7 +283,7 @@ class ContactResult(WithFields, PicklesFields):
             rows.name: contact_line(self.discretization, number, self.solution, self.dofs, unit, self.rounding)
             for number, rows in enumerate(self.discretization.contacts)
         }
-        return MappingProxyType(Named("contacts", "contacts", lines))
+        return Named("contacts", "contacts", lines)
 
     @cached_property
     def rounding(self) -> Rounding:

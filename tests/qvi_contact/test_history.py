@@ -244,22 +244,19 @@ def _begun(stopped, tmp_path):
 
 
 def done(folder):
-    """The steps that a run in the folder still had to solve, and the history."""
+    """The steps that a run in the folder still had to solve, and the history; a second run meanwhile is refused."""
     told = []
-    history = solve_history(STEPS, lambda number, _: told.append(number), store=folder)
-    return told, history
+
+    def hear(number, _):
+        told.append(number)
+        with refused_at("store", "another run is at work"):
+            solve_history(STEPS, store=folder)
+
+    return told, solve_history(STEPS, hear, store=folder)
 
 
 def test_it_goes_on_where_it_stopped(begun, whole):
-    """Two runs at once would write the same steps: the second is refused, and finds them later."""
-    told = []
-
-    def twice(number, _):
-        told.append(number)
-        with pytest.raises(InputError, match="another run is at work"):
-            done(begun)
-
-    history = solve_history(STEPS, twice, store=begun)
+    told, history = done(begun)
     assert told == [5, 6, 7]
     assert whole.slip("plate")[3].any()  # without it the steps that follow would be others
     same(history, whole)
