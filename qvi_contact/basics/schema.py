@@ -223,7 +223,8 @@ class Listed(Kind):
             with suppress(TypeError):  # if it is not iterable
                 entries = tuple(value)
         if entries is None or (self.most is not None and len(entries) != self.most):
-            raise InputError(name, value, "give a pair (x, y)" if self.most == 2 else f"give a list of {self.most}")
+            words = {None: "give a list", 2: "give a pair (x, y)"}
+            raise InputError(name, value, words.get(self.most, f"give a list of {self.most}"))
         return tuple(self.kind.check(name, item) for item in entries)
 
     def written(self, path: str, value: Any, writer: Writer) -> object:

@@ -10,13 +10,13 @@ from functools import cached_property, reduce
 from itertools import zip_longest
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.polynomial import polynomial
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate, finite_number, real_array
-from qvi_contact.basics.schema import WithFields
+from qvi_contact.basics.schema import FINITE, Checked, Listed, WithFields
 from qvi_contact.basics.writing import given_path
 from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
@@ -61,23 +61,18 @@ _OPERATORS: Final[Mapping[type, Any]] = {
 
 
 @dataclass(frozen=True)
-class Polynomial(WithFields):
+class Polynomial(Checked):
     """The function Σ_ij c_ij xⁱ yʲ."""
 
-    coefficients: Sequence[Sequence[float]]
+    coefficients: Annotated[Sequence[Sequence[float]], Listed(Listed(FINITE))]
     """Rows i of c_ij; short rows end with zeros."""
 
     def __post_init__(self) -> None:
-        remedy = "give rows of finite real numbers, [i][j] for xⁱ yʲ, at least one"
-        try:
-            rows = [real_array("Polynomial", row, remedy) for row in self.coefficients]
-        except TypeError as error:
-            raise InputError("Polynomial", self.coefficients, remedy) from error
-        if any(row.ndim != 1 or not np.isfinite(row).all() for row in rows) or not any(row.size for row in rows):
-            raise InputError("Polynomial", self.coefficients, remedy)
-        if max([len(rows), *map(len, rows)]) > _MAX_POWERS:
-            raise InputError("Polynomial", self.coefficients, f"give powers of x and y below {_MAX_POWERS}")
-        object.__setattr__(self, "coefficients", tuple(tuple(row.tolist()) for row in rows))
+        super().__post_init__()
+        rows = self.coefficients
+        if not any(rows) or max(len(rows), *map(len, rows)) > _MAX_POWERS:
+            remedy = f"give rows [i][j] for xⁱ yʲ with at least one number, and powers of x and y below {_MAX_POWERS}"
+            raise InputError("Polynomial.coefficients", rows, remedy)
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""

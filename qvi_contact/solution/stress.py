@@ -224,16 +224,11 @@ def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
         points = EdgePoints(space, given.edges, count)
         normal, shear = points.tractions(u.ravel())
         directions = points.vectors(given.direction, given.turns)
-        along = component(normal * points.normals.T + shear * points.tangents.T, directions)
+        along = ((normal * points.normals.T + shear * points.tangents.T) * directions.T).sum(axis=0)
         prescribed = traction_data(problem, scales, given, LOAD_POINTS)
         computed = along.reshape(-1, count) @ legendre_from_values(degree, count).T
         largest = max(largest, prescribed.misfit(computed))
     return scales.stress * largest
-
-
-def component(vectors: FloatArray, directions: FloatArray) -> FloatArray:
-    """The component of vectors (2, points) along a direction at each point (points, 2), shape (points,)."""
-    return np.asarray((vectors * directions.T).sum(axis=0))
 
 
 def allowed_misfit(unit: float, rounding: float) -> float:
