@@ -80,11 +80,14 @@ class SweepRow(WithFields):
         return cls(number, value, result.status, result.message, result.iterations, accuracy, seconds, contacts)
 
 
+@dataclass(frozen=True, eq=False)
 class SweepRows(WithFields):
     """Statuses and tables of a sweep, whether its results are in memory or its rows in a file."""
 
     parameter: Parameter
+    """The name of the datum that is changed."""
     values: tuple[float, ...]
+    """All values asked for, done or not."""
     _unfinished: ClassVar[str] = f"time limit after {{}} of {{}} values. {Status.TIME_LIMIT.advice}"
 
     def rows(self) -> Iterator[SweepRow]:
@@ -134,10 +137,6 @@ class SweepRows(WithFields):
 class Sweep(SweepRows):
     """Results of a sweep, one for each value that was done."""
 
-    parameter: Parameter
-    """The name of the datum that was changed."""
-    values: tuple[float, ...]
-    """All values asked for."""
     steps: tuple[ContactResult, ...]
     """The results in the order of the values; fewer than values if the time limit was reached."""
 
@@ -466,10 +465,6 @@ class StoredSweep(SweepRows):
 
     path: Path
     """The file."""
-    parameter: Parameter
-    """The name of the datum that is changed."""
-    values: tuple[float, ...]
-    """All values asked for, done or not."""
     _unfinished = "{} of {} values are done: a run works, was stopped, or reached its time limit. The same call goes on"
 
     def rows(self) -> Iterator[SweepRow]:
@@ -489,7 +484,7 @@ def read_sweep(path: str | Path) -> StoredSweep:
     place = _place(path)
     with _DATABASE.opened(place) as connection:
         parameter, _, values = _plan(connection, place)
-    return StoredSweep(place, parameter, values)
+    return StoredSweep(parameter, values, place)
 
 
 def _place(path: str | Path) -> Path:
