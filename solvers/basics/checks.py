@@ -82,7 +82,8 @@ def real_array(field: str, value: object, remedy: str = "give real numbers") -> 
         entries = array.flat if array.dtype.kind == "O" else ()
         # NumPy would convert these to numbers: None to NaN, texts to their value, complex numbers to the real part
         is_other = (each is None or isinstance(each, complex | np.complexfloating | str | bytes) for each in entries)
-        if array.dtype.kind in "biufO" and not any(is_other):
+        is_masked = isinstance(value, np.ma.MaskedArray) and bool(value.mask.any())  # NumPy would drop the mask
+        if array.dtype.kind in "biufO" and not is_masked and not any(is_other):
             with np.errstate(over="ignore"):  # callers refuse infinity if they must
                 return np.array(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
