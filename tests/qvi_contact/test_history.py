@@ -330,9 +330,8 @@ def test_each_step_can_be_checked_from_its_file(tmp_path):
     for number, step in enumerate(history.steps, 1):
         found = verify_file(tmp_path / f"step-{number:06}.npz")
         assert found.passed, found.summary()
-        assert next(row.value for row in found.rows if row.name == "energy_gap") == pytest.approx(
-            step.certificate.measures["energy_gap"], abs=1e-12
-        )
+        gap = next(row.value for row in found.rows if row.name == "energy_gap")
+        assert gap == pytest.approx(step.certificate.measures["energy_gap"], abs=1e-12)
 
 
 def test_a_step_with_another_answer_is_found_out(tmp_path):
