@@ -52,7 +52,7 @@ class Settings(WithFields, Method):
             from qvi_contact.solution.result import ContactResult  # not needed by files and commands
 
             if not isinstance(self.initial, ContactResult):
-                _ = pressures(self.initial)
+                object.__setattr__(self, "initial", pressures(self.initial).tolist())  # lists can be compared
 
     @property
     def law(self) -> LawOn | None:

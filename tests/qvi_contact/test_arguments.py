@@ -142,6 +142,7 @@ def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
     for start in ("high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400):
         refused(lambda value: ENTRIES[entry](tmp_path, initial=value), start, "initial")
     refused(lambda value: ENTRIES[entry](tmp_path, method="condensed", inner=value), "qp:clarabel", "inner")
+    assert Settings(initial=np.ones(2)) == Settings(initial=np.ones(2)) != Settings(initial=np.ones(2) + 1e-9)
 
 
 @pytest.mark.parametrize(
