@@ -306,11 +306,11 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     # the motions with M(v) = 0; if touching bodies move together without [v], the largest of them is kept at rest
     M, motions = np.linalg.eigh(free.T @ (M_root.T @ M_root).toarray() @ free)
     free = free @ motions[:, M <= _HELD]
-    common = _still(free, rows, _MOVES)
+    common = _still(free, rows)
     for body in np.argsort(-bodies.size, kind="stable").tolist():
         of_body = np.eye(3 * len(bodies))[3 * body : 3 * body + 3]
         if np.abs(of_body @ common).max(initial=0.0) > _MOVES:
-            free, common = _still(free, of_body, _MOVES), _still(common, of_body, _MOVES)
+            free, common = _still(free, of_body), _still(common, of_body)
     # changes of the multipliers of rows, by the works of the motions, and the limits of their signs
     d = free.shape[1]
     speeds, by_edges = (rows @ free).reshape(2, qvi.m, d), (2, qvi.m // rule.count, rule.count, d)
@@ -324,16 +324,16 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     return FreeMotions(bodies, free, speeds, changes, (G[limited], np.maximum(h[limited], 0.0)))
 
 
-def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
-    """Orthonormal motions that span the part of `motions` (n, d) on which rows (m, n) are zero, up to `least`."""
-    return np.asarray(motions @ null_space(rows @ motions, least))
+def _still(motions: FloatArray, rows: FloatArray) -> FloatArray:
+    """Orthonormal motions that span the part of `motions` (n, d) on which rows (m, n) are zero up to rounding."""
+    return np.asarray(motions @ null_space(rows @ motions, _MOVES))
 
 
 def motions_in_words(motions: FloatArray, bodies: Bodies, body: int) -> str:
     """The motions (3, d) of a body in words; the rows are translations of its centre, and rotation times its size."""
     basis, values, _ = np.linalg.svd(motions, full_matrices=False)
     basis = basis[:, values > _MOVES]
-    moves = _still(basis, np.array([[0.0, 0.0, 1.0]]), _MOVES)
+    moves = _still(basis, np.array([[0.0, 0.0, 1.0]]))
     if not moves.shape[1]:
         x, y, turn = basis[:, 0]
         arm = bodies.size[body] / turn * np.array([-y, x])
