@@ -129,7 +129,6 @@ def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, Floa
 COMPONENTS: Final = ("xx", "yy", "xy", "von_mises", "first", "second")
 """Scalar stresses: Cartesian components, von Mises, in-plane principal stresses σ₁ ≥ σ₂."""
 
-_CHUNK: Final = 4096  # number of cells that are sampled at a time, for small tables
 _MOST_DIVISIONS: Final = 128  # largest number of divisions of a cell's sides
 
 
@@ -160,13 +159,12 @@ def sample_body(result: ContactResult, parts: int = 0, divisions: int | None = N
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
     for division in np.unique(division_of).tolist():
         t, split = discretization.space.lattice(division)
-        cells_of = np.flatnonzero(division_of == division)
-        for cells in (cells_of[start : start + _CHUNK] for start in range(0, len(cells_of), _CHUNK)):
-            points, stress = stress_in_cells(discretization, result.dofs, cells, t)
-            reference = np.tile(t, (len(cells), 1))
-            samples.append((points.reshape(-1, 2), np.repeat(cells, len(t)), reference, stress.reshape(-1, 3)))
-            triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
-            count += len(cells) * len(t)
+        cells = np.flatnonzero(division_of == division)
+        points, stress = stress_in_cells(discretization, result.dofs, cells, t)
+        reference = np.tile(t, (len(cells), 1))
+        samples.append((points.reshape(-1, 2), np.repeat(cells, len(t)), reference, stress.reshape(-1, 3)))
+        triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
+        count += len(cells) * len(t)
     points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*samples, strict=True))
     x, y = physical(result.problem, discretization.scales, points)
     stresses *= discretization.scales.stress
