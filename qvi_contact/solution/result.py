@@ -246,14 +246,12 @@ class ContactResult(WithFields, PicklesFields):
     @cached_property
     def remarks(self) -> tuple[str, ...]:
         """Sentences about approximated data, the solution's attempts, and the computed state, if there is one."""
-        sentences: tuple[str, ...] = load("qvi_contact.solution.remarks").remarks(self)
-        return sentences
+        return tuple(load("qvi_contact.solution.remarks").remarks(self))
 
     @cached_property
     def undetermined_motions(self) -> tuple[UndeterminedMotion, ...]:
         """The rigid motions of bodies and driven plates that neither supports nor contacts determine."""
-        motions: tuple[UndeterminedMotion, ...] = load("qvi_contact.solution.remarks").undetermined_motions(self)
-        return motions
+        return tuple(load("qvi_contact.solution.remarks").undetermined_motions(self))
 
     @cached_property
     def bracket(self) -> Bracket:
