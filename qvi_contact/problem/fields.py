@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate, finite_number, real_array
-from qvi_contact.basics.schema import FINITE, Checked, Listed, WithFields
+from qvi_contact.basics.schema import Checked, Listed, Number, WithFields
 from qvi_contact.basics.writing import given_path
 from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
@@ -64,7 +64,7 @@ _OPERATORS: Final[Mapping[type, Any]] = {
 class Polynomial(Checked):
     """The function Σ_ij c_ij xⁱ yʲ."""
 
-    coefficients: Annotated[Sequence[Sequence[float]], Listed(Listed(FINITE))]
+    coefficients: Annotated[Sequence[Sequence[float]], Listed(Listed(Number(-np.inf, np.inf)))]
     """Rows i of c_ij; short rows end with zeros."""
 
     def __post_init__(self) -> None:
