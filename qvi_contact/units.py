@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar, Final
 
-from qvi_contact.basics.schema import Name
+from qvi_contact.basics.schema import Checked, Name
 from qvi_contact.errors import InputError
 
 _FORCES: Final = {
@@ -21,10 +21,10 @@ _NUMBER: Final = re.compile(r"(?<=\d )\[(length|stress|stress × length)\]")
 
 
 @dataclass(frozen=True)
-class Units:
+class Units(Checked):
     """The units of the user's numbers: labels for pictures and files.
 
-    `InputError` if a label is not a non-empty text of one line.
+    `InputError` if a label is not a text of one line.
     """
 
     length: Name = "length"
@@ -42,13 +42,6 @@ class Units:
         if not isinstance(units, cls):
             raise InputError("units", units, "give Units, such as Units('mm', 'MPa'), or leave them out")
         return {name: str(getattr(units, quantity)) for name, quantity in quantities.items()}
-
-    def __post_init__(self) -> None:
-        for name in ("length", "stress"):
-            value = getattr(self, name)
-            if not isinstance(value, str) or not value.strip() or not value.isprintable():
-                raise InputError(f"Units.{name}", value, "give the unit's name, such as 'mm' or 'MPa'")
-            object.__setattr__(self, name, value.strip())
 
     @property
     def displacement(self) -> str:

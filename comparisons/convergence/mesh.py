@@ -171,9 +171,11 @@ def run(case: Mapping[str, Any]) -> Record:
         "accuracy": float(found.certificate.accuracy),
     }  # fmt: skip
     if found.status is Status.SOLVED:
-        line = found.contacts[problem.contact] if isinstance(found, ContactResult) else None
-        record["message"] = ""
-        record["force"] = abs(float(getattr(line, problem.force) if line is not None else plate.force(found.z)))
+        if isinstance(found, ContactResult):
+            force = getattr(found.contacts[problem.contact], problem.force)
+        else:
+            force = plate.force(found.z)
+        record |= {"message": "", "force": abs(float(force))}
     return {"meshes": [record]}
 
 

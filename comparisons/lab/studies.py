@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Final
 from qvi_contact.basics.terminal import Advance, error_console
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
-from qvi_contact.runs.database import Database
+from qvi_contact.runs.database import Database, damaged, explained
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome, Workers
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def read_rows(study: Study, store: str | Path) -> tuple[Row, ...]:
             rows = connection.execute('SELECT key, "row" FROM "rows" WHERE study = ?', (study.name,))
             found = {key: Row(**json.loads(text)) for key, text in rows}
         except (ValueError, TypeError) as error:
-            raise _STORE.damaged(path) from error
+            raise damaged(path) from error
     return tuple(found[key] for key in study.keys if key in found)
 
 
@@ -248,7 +248,7 @@ def writing(path: Path, study: Study) -> Iterator[Callable[[Case, Outcome, Mappi
             now = datetime.now(UTC).isoformat(timespec="seconds")
             row = Row(case, outcome.status, outcome.reason, result, certificate, outcome.seconds, now,
                       outcome.load_average, environment)  # fmt: skip
-            with _STORE.explained(path), connection:
+            with explained(path), connection:
                 connection.execute(
                     'INSERT INTO "rows" VALUES (?, ?, ?)', (study.key(case), study.name, json.dumps(vars(row)))
                 )

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager, suppress
@@ -42,6 +43,7 @@ _TOML_REMEDIES: Final = (
     ),
     ("is not a Traction;", "is not one of [[tractions]];"),
     ("by a Displacement or Contact", "by [[displacements]] or [[contacts]]"),
+    ("give True or False", "give true or false"),
 )  # words of remedies in Python, and in problem files
 
 
@@ -83,9 +85,10 @@ class Kind:
         return value
 
 
-def _check_range(value: float, least: float, most: float) -> None:
+def _check_range(name: str, value: float, least: float, most: float) -> None:
     if not least <= value <= most:
-        raise InputError("", value, f"give at {'most' if value > most else 'least'} {most if value > most else least}")
+        limit = f"most {most:g}" if value > most else f"least {least:g}"
+        raise InputError(name, value, f"give at {limit}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,18 +99,12 @@ class Number(Kind):
     most: float = LARGEST
     positive: bool = False
 
-    def read(self, value: Any, reader: Reader) -> float:  # noqa: ARG002
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError("", value, "give a number")
-        if self.positive and 0.0 < value < 1.0 / LARGEST:
-            raise InputError("", value, f"give at least {1.0 / LARGEST:g}: take other units if you need less")
-        _check_range(value, self.least, self.most)
-        return float(value)
-
     def check(self, name: str, value: Any) -> float:
         from qvi_contact.basics.checks import finite_number, positive_number
 
-        return (positive_number if self.positive else finite_number)(name, value)
+        number = (positive_number if self.positive else finite_number)(name, value)
+        _check_range(name, number, self.least, self.most)
+        return number
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -120,17 +117,12 @@ class Whole(Kind):
     def read(self, value: Any, reader: Reader) -> int:  # noqa: ARG002
         if isinstance(value, bool) or not isinstance(value, int):
             raise InputError("", value, "give a whole number")
-        _check_range(value, self.least, self.most)
+        _check_range("", value, self.least, self.most)
         return value
 
 
 class Truth(Kind):
     """True or false."""
-
-    def read(self, value: Any, reader: Reader) -> bool:  # noqa: ARG002
-        if not isinstance(value, bool):
-            raise InputError("", value, "give true or false")
-        return value
 
     def check(self, name: str, value: Any) -> bool:
         from qvi_contact.basics.checks import true_or_false
@@ -144,16 +136,11 @@ class Text(Kind):
 
     name: bool = False
 
-    def read(self, value: Any, reader: Reader) -> str:  # noqa: ARG002
-        if not isinstance(value, str):
-            raise InputError("", value, "give a text in quotes")
-        if self.name and (not value.strip() or not value.isprintable() or len(value) > _MAX_NAME):
-            raise InputError("", value, f"give a text of one line and at most {_MAX_NAME} characters")
-        return value
-
     def check(self, name: str, value: Any) -> str:
         if not isinstance(value, str):
-            raise InputError(name, value, "give a string")
+            raise InputError(name, value, "give a text in quotes")
+        if self.name and (not value.strip() or not value.isprintable() or len(value) > _MAX_NAME):
+            raise InputError(name, value, f"give a text of one line and at most {_MAX_NAME} characters")
         return value
 
 
@@ -236,7 +223,8 @@ class Listed(Kind):
             with suppress(TypeError):  # if it is not iterable
                 entries = tuple(value)
         if entries is None or (self.most is not None and len(entries) != self.most):
-            raise InputError(name, value, "give a pair (x, y)" if self.most == 2 else f"give a list of {self.most}")
+            words = {None: "give a list", 2: "give a pair (x, y)"}
+            raise InputError(name, value, words.get(self.most, f"give a list of {self.most}"))
         return tuple(self.kind.check(name, item) for item in entries)
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
@@ -428,7 +416,7 @@ def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (
         raise InputError("", data, "give a table: keys and values")
     for name in data:
         if name not in known and name not in also:
-            raise InputError(quoted(name), data[name], _suggestion(name, (*also, *known), reader))
+            raise InputError(quoted(name), data[name], _suggestion(kind, name, (*also, *known), reader))
     values = {}
     for name, each in known.items():
         if name in data:
@@ -467,28 +455,37 @@ def write_table(path: str, stated: Any, writer: Writer) -> dict[str, Any]:
     return table
 
 
-class Checked:
+class WithFields:
+    """Base of dataclasses whose docstrings, as `help` shows them, end with the texts of their fields."""
+
+    def __init_subclass__(cls) -> None:
+        cls.__doc__ = _WithFields(cls)  # type: ignore[assignment]
+
+
+class _WithFields:
+    """The docstring of a class: its own text, and the texts of the fields."""
+
+    def __init__(self, kind: type) -> None:
+        self.text = inspect.cleandoc(kind.__dict__.get("__doc__") or "")
+
+    def __get__(self, _instance: object, kind: type) -> str:
+        if "__match_args__" not in vars(kind):  # no dataclass yet: the decorator asks whether there is a text
+            return self.text
+        return "\n\n".join([self.text, "Fields\n------", *map(": ".join, described(kind).items())])
+
+
+class Checked(WithFields):
     """Base of dataclasses whose fields are checked by their keys; numbers become floats, `like` gives defaults."""
 
     def __post_init__(self) -> None:
         kind = type(self)
         defaults = defaults_of(kind)
         for name, each in keys_of(kind).items():
-            value = getattr(self, name)
-            if value is not None or defaults.get(name, MISSING) is not None:
+            value, like = getattr(self, name), getattr(self, each.like) if each.like else None
+            if isinstance(value, str) and value in (defaults.get(name), like):
+                object.__setattr__(self, name, like or value)
+            elif value is not None or defaults.get(name, MISSING) is not None:
                 object.__setattr__(self, name, each.kind.check(f"{kind.__name__}.{name}", value))
-            if each.like and not value:
-                object.__setattr__(self, name, getattr(self, each.like))
-
-
-class WithFields:
-    """The docstring of a class, set below it, that `help` shows: its text, and the texts of the fields."""
-
-    def __init__(self, kind: type) -> None:
-        self.text = inspect.cleandoc(kind.__doc__ or "")
-
-    def __get__(self, _instance: object, kind: type) -> str:
-        return "\n\n".join([self.text, "Fields\n------", *map(": ".join, described(kind).items())])
 
 
 @_cached
@@ -554,16 +551,21 @@ def _with_path(path: str, error: InputError) -> InputError:
     return type(error)(joined(path, error.field), value, in_toml(error.remedy))
 
 
-def _suggestion(name: str, known: Iterable[str], reader: Reader) -> str:
-    """Remedy for an unknown key: a similar known key, or the place in the file where such a key belongs."""
+def _suggestion(kind: type, name: str, known: tuple[str, ...], reader: Reader) -> str:
+    """Remedy for an unknown key: the place where it belongs, or a known key of similar name, or with it in its text."""
     places = dict.fromkeys(file_keys(reader.whole), "the top of the file, before the first [table]")
     for table, headings in tables_of(reader.whole).items():
         places = dict.fromkeys(file_keys(table), headings[0]) | places
-    suggestion, listed = closest(name, {**dict.fromkeys(known), **places}), f"the keys here are {', '.join(known)}"
+    listed = f"the keys here are {', '.join(known)}"
+    if name in places:
+        return f"this belongs to {places[name]}; {listed}"
+    suggestion = closest(name, {**dict.fromkeys(known), **places})
+    for each in (kind, *inlined(kind)) if suggestion not in known else ():
+        for here, text in described(each).items():
+            if here in known and re.search(rf"\b{re.escape(name)}\b", text):
+                return f"there is no such key; did you mean {here}? {text.rpartition(': `')[0]}; {listed}"
     if suggestion is None:
         return f"there is no such key; {listed}"
-    if suggestion == name:
-        return f"this belongs to {places[suggestion]}; {listed}"
     where = "" if suggestion in known else f", of {places[suggestion]}"
     return f"there is no such key; did you mean {suggestion}{where}? ({listed})"
 
@@ -588,4 +590,4 @@ def tables_of(whole: type) -> dict[type, list[str]]:
 FINITE: Final = Number()
 TEXT: Final = Text()
 Name: TypeAlias = Annotated[str, Text(name=True)]
-Positive: TypeAlias = Annotated[float, Number(positive=True)]
+Positive: TypeAlias = Annotated[float, Number(1e-60, positive=True)]

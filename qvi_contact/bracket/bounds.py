@@ -358,17 +358,16 @@ def _assemble(
 
 @dataclass(frozen=True, eq=False)
 class Branches:
-    """Certified solutions of one discrete problem.
-
-    `results` are all solutions that were found, first the one nearest to the displacement model. `distances` are their
-    distances d, see `other_solutions`: an indication, no proof; NaN without a displacement model. `companion` is that
-    model; None if there is only one solution, or if the model has no answer. Several have `message` as a remark.
-    """
+    """Certified solutions of one discrete problem."""
 
     results: tuple[ContactResult, ...]
+    """All solutions that were found, first the one nearest to the displacement model."""
     distances: tuple[float, ...]
+    """Their distances d, see `other_solutions`: an indication, no proof; NaN without a displacement model."""
     companion: CompanionResult | None
+    """The displacement model; None if there is only one solution, or if the model has no answer."""
     message: str
+    """One sentence about what was found, a remark of each result if there are several."""
 
     @property
     def preferred(self) -> ContactResult:

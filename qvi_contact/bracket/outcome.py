@@ -30,16 +30,15 @@ class BracketKind(Enum):
 
 @dataclass(frozen=True)
 class Uniqueness:
-    """How far another solution of the exact problem can be.
-
-    `apart` is the largest distance of two solutions in the energy norm of stresses, over that of the computed one: 0
-    where there is only one solution, infinite where nothing is known. `certainty` says whether that is proved. Where
-    contacts alone hold a body, `message` says how near to the computed solution the others must be.
-    """
+    """How far another solution of the exact problem can be."""
 
     apart: float
+    """Largest distance of two solutions in the energy norm of stresses, over that of the computed one: 0 where there is
+    only one solution, infinite where nothing is known."""
     certainty: Certainty
+    """Whether that is proved."""
     message: str
+    """In words; where contacts alone hold a body, how near to the computed solution the others must be."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

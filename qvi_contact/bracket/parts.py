@@ -29,7 +29,7 @@ from qvi_contact.element.edge import (
 )
 from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.material import is_strained
-from qvi_contact.solution.stress import cell_stresses, normal_and_shear
+from qvi_contact.solution.stress import normal_and_shear, stress_in_cells
 
 _OUTWARD = 2.0  # factor of safety on the work of violations
 _BELOW_ZERO = 1e-10  # of a field's largest value: negative coefficients up to this size are rounding of zero
@@ -186,7 +186,7 @@ class CellFields:
         problem, scales, space = discretization.problem, discretization.scales, discretization.space
         t, w = split_points(2 * max(space.degree - 2, degree - 1, POTENTIAL) + 1)
         weights = space.cell_measures(t, w) * scales.length**2
-        points, stress = cell_stresses(discretization, u, t)
+        points, stress = stress_in_cells(discretization, u, t=t)
         at_rest, cells = np.zeros_like(stress), np.arange(len(stress))
         if is_strained(problem):
             at_rest = scaled_stress_at_rest(problem, scales, cells, points)

@@ -31,7 +31,7 @@ from qvi_contact.problem.conditions import RigidMotion
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import plate_motions
-from qvi_contact.solution.stress import given_points, mean_at
+from qvi_contact.solution.stress import mean_at
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields
@@ -260,8 +260,10 @@ class CompanionResult(PicklesFields):
 
     def _mean(self, x: ArrayLike, y: ArrayLike, values: Callable[[IntArray, FloatArray], FloatArray]) -> FloatArray:
         """The mean of the values in all cells that hold a point."""
-        mesh, points, _ = self.problem.mesh, given_points("x, y", x, y), self._state
-        return mean_at(mesh, *points, lambda cell, t: values(cell, np.clip(t[..., 1:], 0.0, 1.0))[:, 0], "x, y")
+        _ = self._state  # raises if there is none
+        return mean_at(
+            self.problem.mesh, x, y, lambda cell, t: values(cell, np.clip(t[..., 1:], 0.0, 1.0))[:, 0], "x, y"
+        )
 
 
 def solve_companion(

@@ -9,6 +9,7 @@ shows whether a file was changed after it was written. Who changes the digest to
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from copy import copy
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +27,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.files.problem_text import problem_to_toml, unchecked_toml
 from qvi_contact.mesh.edges import points_back
+from qvi_contact.runs.database import locked
 from qvi_contact.solution.history import CONTINUES
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.units import Units
@@ -346,19 +348,24 @@ class StepStore(Sequence[ContactResult]):
     """Results of a history of `planned` steps, each read from its file when it is asked for.
 
     The last result read or added stays in memory. `fingerprint` is a digest of problems and options, `restore`
-    discretises the problem of a step, `statuses` has the status of each step so far. `InputError` if the folder cannot
-    be written, or holds other files or another history; when a step is read, if its file is damaged or was changed.
+    discretises the problem of a step, `statuses` has the status of each step so far; until `held` is closed the folder
+    is locked for other runs. `InputError` if the folder cannot be written, another run is at work on it, or it holds
+    other files or another history; when a step is read, if its file is damaged or was changed.
     """
 
-    def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
+    def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore, held: ExitStack) -> None:
         self._folder, self._fingerprint = writable_folder(folder, "store").absolute(), fingerprint
         self._restore = restore
         self._unfinished: ContactResult | None = None  # a last step that failed: it has no file
         self._last_read: tuple[int, ContactResult] | None = None
         self._slice: range | None = None  # numbers of the steps in a slice of the sequence
-        header = self._folder / "store.json"
+        header, lock = self._folder / "store.json", "store.json.lock"
         expected = {"format": "qvi_contact steps", "version": FORMAT_VERSION}  # that of the archives of its steps
         expected |= {"fingerprint": fingerprint, "planned": planned}
+        others = (path.name for path in self._folder.iterdir() if path.name != lock)
+        if not header.exists() and any(not name.startswith(".writing-") for name in others):  # a write that was killed
+            raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
+        held.enter_context(locked(header))
         if header.exists():
             try:
                 existing: Any = json.loads(header.read_text(encoding="utf-8"))
@@ -369,8 +376,6 @@ class StepStore(Sequence[ContactResult]):
             if existing != expected:
                 remedy = "belongs to another history, with other problems or options, or to none: give a new folder"
                 raise InputError("store", str(header), remedy)
-        elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write that was killed
-            raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
         else:
             write_text(header, json.dumps(expected, indent=2) + "\n", "store")
         self.statuses: list[Status] = []

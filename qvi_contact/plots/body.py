@@ -89,8 +89,8 @@ class Shape:
         t, weights = body.points()
         cells = np.arange(len(space.table))
         points = problem.mesh.origin + scales.length * space.points(slice(None), t)
-        reference, coefficients = problem.mesh.reference(cells, points), discretization.coefficients(result.dofs)
-        stress = stress_in_cells(discretization, coefficients, cells, reference)[1] * scales.stress
+        reference = problem.mesh.reference(cells, points)
+        stress = stress_in_cells(discretization, result.dofs, cells, reference)[1] * scales.stress
         stress = stress - stress_at_rest(problem, cells, points[..., 0], points[..., 1])
         strain = stress @ problem.compliances.swapaxes(1, 2)
         # normal equations of the minimum, in units of length

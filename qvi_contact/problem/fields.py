@@ -10,12 +10,13 @@ from functools import cached_property, reduce
 from itertools import zip_longest
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.polynomial import polynomial
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate, finite_number, real_array
+from qvi_contact.basics.schema import Checked, Listed, Number, WithFields
 from qvi_contact.basics.writing import given_path
 from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
@@ -62,22 +63,18 @@ _OPERATORS: Final[Mapping[type, Any]] = {
 
 
 @dataclass(frozen=True)
-class Polynomial:
-    """The function Σ_ij c_ij xⁱ yʲ, where ``coefficients[i][j]`` is c_ij and short rows end with zeros."""
+class Polynomial(Checked):
+    """The function Σ_ij c_ij xⁱ yʲ."""
 
-    coefficients: Sequence[Sequence[float]]
+    coefficients: Annotated[Sequence[Sequence[float]], Listed(Listed(Number(-np.inf, np.inf)))]
+    """Rows i of c_ij; short rows end with zeros."""
 
     def __post_init__(self) -> None:
-        remedy = "give rows of finite real numbers, [i][j] for xⁱ yʲ, at least one"
-        try:
-            rows = [real_array("Polynomial", row, remedy) for row in self.coefficients]
-        except TypeError as error:
-            raise InputError("Polynomial", self.coefficients, remedy) from error
-        if any(row.ndim != 1 or not np.isfinite(row).all() for row in rows) or not any(row.size for row in rows):
-            raise InputError("Polynomial", self.coefficients, remedy)
-        if max([len(rows), *map(len, rows)]) > _MAX_POWERS:
-            raise InputError("Polynomial", self.coefficients, f"give powers of x and y below {_MAX_POWERS}")
-        object.__setattr__(self, "coefficients", tuple(tuple(row.tolist()) for row in rows))
+        super().__post_init__()
+        rows = self.coefficients
+        if not any(rows) or max(len(rows), *map(len, rows)) > _MAX_POWERS:
+            remedy = f"give rows [i][j] for xⁱ yʲ with at least one number, and powers of x and y below {_MAX_POWERS}"
+            raise InputError("Polynomial.coefficients", rows, remedy)
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
@@ -102,14 +99,14 @@ def plus(field: Field, number: float) -> Field:
 
 
 @dataclass(frozen=True)
-class BodyForces(PicklesFields):
+class BodyForces(WithFields, PicklesFields):
     """Several body forces by name: a potential φ = Σ φ_name [stress] whose parts limit loads and sweeps can multiply.
 
-    Each part is a number or a function of (x, y): the weight has the potential ρ g y, an acceleration a along x the
-    potential −ρ a x. `InputError` if there is no part, a name is no text or is taken, or a part is anything else.
+    `InputError` if there is no part, a name is no text or is taken, or a part is no number or function.
     """
 
     parts: Mapping[str, Any] = field(hash=False)
+    """Number or function of (x, y) by name [stress]: ρ g y for the weight, −ρ a x for an acceleration a along x."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.parts, Mapping) or not self.parts:
@@ -127,18 +124,19 @@ class BodyForces(PicklesFields):
 
 
 @dataclass(frozen=True)
-class Expression:
+class Expression(WithFields):
     """A function written as text, such as ``"1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)"``.
 
-    Its variables are x, y [length] and t (pseudo-time of a load history); constants have names, and ``pi`` is always
-    known. An expression consists of numbers, these names, + - * / **, comparisons and the `FUNCTIONS`. Anything else is
-    refused, so an expression never runs code. `InputError` for any other text names the part that is wrong. A sum that
-    is the rounding of its terms is 0, such as 0.3 - 0.1 * x at x = 3.
+    An expression never runs code. `InputError` names the part of the text that is wrong. A sum that is the rounding of
+    its terms is 0, such as 0.3 - 0.1 * x at x = 3.
     """
 
     text: str
+    """Numbers, x, y [length], t, pi, constants, + - * / **, comparisons and `FUNCTIONS`."""
     constants: Mapping[str, float] = field(default_factory=dict, hash=False, repr=False)
+    """Numbers that the text uses by name."""
     t: float = field(default=0.0, repr=False)
+    """Pseudo-time of a load history."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", finite_number("Expression.t", self.t))

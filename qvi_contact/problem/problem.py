@@ -13,6 +13,7 @@ from typing import Any, Final, NoReturn, TypeAlias
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, instance_of
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.element.triangle import triangle_lattice
 from qvi_contact.errors import InputError, UnknownNameError, place_of
 from qvi_contact.mesh.edges import Edges
@@ -62,7 +63,7 @@ class Prescribed:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactProblem(PicklesFields):
+class ContactProblem(WithFields, PicklesFields):
     """A body, its materials and its boundary conditions.
 
     `InputError` if a condition names an unknown edge set, two conditions overlap, a component of an edge has no

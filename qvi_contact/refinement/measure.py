@@ -31,7 +31,7 @@ from qvi_contact.problem.fields import plus
 from qvi_contact.problem.material import stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import COMPONENTS, stress_component, stress_in_cells
+from qvi_contact.solution.stress import COMPONENTS, stress_at, stress_component, stress_in_cells
 from qvi_contact.units import Rounding, Units
 from solvers.derivative import change
 from solvers.errors import known_name
@@ -148,13 +148,8 @@ def _number(result: ContactResult, owner: str, kind: str) -> float:
 
 def _stress(result: ContactResult, component: str, point: FloatArray) -> float:
     """A stress at a point; where cells meet, of their mean stress."""
-    problem, known = result.problem, result.discretization
-    cells = problem.mesh.around(point[None])[1]
-    x, y = points = np.tile(point[:, None], len(cells))
-    t = problem.mesh.reference(cells, points.T)[:, None]
-    stress = known.scales.stress * stress_in_cells(known, known.coefficients(result.dofs), cells, t)[1][:, 0]
-    along_z = float(stress_along_z(problem, cells, x, y, stress).mean())
-    return float(stress_component(stress.mean(axis=0), component, along_z))
+    stress = stress_at(result.discretization, result.dofs, *point)
+    return float(stress_component(stress[:3], component, float(stress[3])))
 
 
 def _slip(result: ContactResult, name: str, point: FloatArray) -> float:
@@ -201,9 +196,9 @@ def _extreme(result: ContactResult, edges: str, component: str, sign: float) -> 
         cells, line = line.cells[edge, side], line.take(edge)
         corners, t = mesh.cells[cells, None], _LOOK[:, None]  # coordinates of places lose digits far from the origin
         at = (corners == line.first[:, None, None]) * (1.0 - t) + (corners == line.second[:, None, None]) * t
-        coefficients, (x, y) = discretization.coefficients(result.dofs), mesh.points_along(line, _LOOK)
-        stress = scales.stress * stress_in_cells(discretization, coefficients, cells, at)[1]
-        values = stress_component(stress, component, stress_along_z(problem, cells, x, y, stress))
+        stress = scales.stress * stress_in_cells(discretization, result.dofs, cells, at)[1]
+        along_z = stress_along_z(problem, cells, *mesh.points_along(line, _LOOK), stress)
+        values = stress_component(stress, component, along_z)
     row, k = np.unravel_index(np.argmax(sign * values), values.shape)
     value = float(values[row, k])
     if 0 < k < len(_LOOK) - 1:

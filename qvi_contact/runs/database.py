@@ -4,7 +4,7 @@ SQLite uses its rollback journal here. A write-ahead log would need memory share
 network folders do not offer, would keep the last rows in a second file, and would forbid reading in a read-only folder.
 When a transaction ends, its rows and the file's entry in the folder are on disk (synchronous = EXTRA).
 
-A run that writes holds a lock on an empty database beside the file, named .lock. The lock ends with the process,
+A run that writes holds a lock on an empty database beside its file, named .lock. The lock ends with the process,
 however the process ends. Other processes can read meanwhile. The .lock file stays after the run: if a run removed it,
 another run might just have opened it, and then two runs could write. It may be deleted when no run is at work.
 """
@@ -28,7 +28,7 @@ SETTINGS: Final[tuple[str, ...]] = (
 _PATIENCE: Final = 30.0  # seconds that a writer waits for a reader
 
 _OPEN: Final = "cannot be opened or written: give another place, or the right to write there"
-_BUSY: Final = "another run is at work on it: wait until it has ended, or give another file"
+_BUSY: Final = "another run is at work on it: wait until it has ended, or give another store"
 _REMEDIES: Final = {
     sqlite3.SQLITE_FULL: "there is no room left: make room and give the same command again; finished rows are kept",
     sqlite3.SQLITE_READONLY: _OPEN,
@@ -44,7 +44,7 @@ _REMEDIES: Final = {
 
 @dataclass(frozen=True)
 class Database:
-    """A kind of SQLite files. All methods turn errors of SQLite into an `InputError` of "store", in one line."""
+    """A kind of SQLite files. Its methods turn errors of SQLite into an `InputError` of "store", in one line."""
 
     what: str
     """What a file of this kind is called in messages, as "the store of a study"."""
@@ -64,11 +64,7 @@ class Database:
         A new file gets its name only when it has its tables, and the rows that `fill` writes into them.
         """
         writable_folder(path.parent, "store")
-        target = path.resolve()
-        lock = target.with_name(f"{target.name}.lock")  # the file itself need not exist yet
-        with self.explained(path), closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as locked:
-            locked.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
-            locked.execute("BEGIN EXCLUSIVE")
+        with locked(path):
             rows = None
             if path.exists():
                 with self.opened(path) as connection:
@@ -94,7 +90,7 @@ class Database:
         """A connection to an existing file, after checks that it is undamaged, and of this kind and version."""
         if not path.exists():
             raise InputError("store", str(path), f"there is no such file: give {self.what}")
-        with self.explained(path), self._connected(path) as connection:
+        with explained(path, self.what), self._connected(path) as connection:
             pages, application, schema = (
                 connection.execute(f"PRAGMA {name}").fetchone()[0]
                 for name in ("page_count", "application_id", "user_version")
@@ -102,7 +98,7 @@ class Database:
             if pages == 0:
                 raise InputError("store", str(path), f"is an empty file, not {self.what}: delete it, or give another")
             if application != self.application:
-                raise InputError("store", str(path), self._not_one)
+                raise InputError("store", str(path), f"is not {self.what}: give another file")
             if schema != self.schema:
                 remedy = f"has tables of version {schema}, not {self.schema}: give another file, or use the release "
                 raise InputError("store", str(path), f"{remedy}that wrote it")
@@ -112,7 +108,7 @@ class Database:
                 if _statements(connection) != _statements(known):  # a view in place of a table could run for ever
                     raise InputError("store", str(path), "its tables were changed after it was made: give another file")
             if connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
-                raise self.damaged(path)
+                raise damaged(path)
             yield connection
 
     @contextmanager
@@ -123,26 +119,35 @@ class Database:
                 for setting in SETTINGS:
                     connection.execute(f"PRAGMA {setting}")
             except UnicodeDecodeError as error:  # the file has bytes that are no text as a statement
-                raise self.damaged(path) from error
+                raise damaged(path) from error
             yield connection
 
-    @contextmanager
-    def explained(self, path: Path) -> Iterator[None]:
-        """Turn errors of SQLite in the block into an `InputError` with a remedy, in one line."""
-        try:
-            yield
-        except sqlite3.Error as error:
-            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # the primary code
-            known = {**_REMEDIES, sqlite3.SQLITE_NOTADB: self._not_one}
-            raise InputError("store", str(path), known.get(code, f"SQLite says: {error}")) from error
 
-    def damaged(self, path: Path) -> InputError:
-        """The error about a damaged file."""
-        return InputError("store", str(path), _REMEDIES[sqlite3.SQLITE_CORRUPT])
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Lock a file for other runs in the block; `InputError` of "store" if another run holds the lock."""
+    target = path.resolve()
+    lock = target.with_name(f"{target.name}.lock")  # the file itself need not exist yet
+    with explained(path), closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
+        connection.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
+        connection.execute("BEGIN EXCLUSIVE")
+        yield
 
-    @property
-    def _not_one(self) -> str:
-        return f"is not {self.what}: give another file"
+
+@contextmanager
+def explained(path: Path, what: str = "a store") -> Iterator[None]:
+    """Turn errors of SQLite in the block into an `InputError` with a remedy, in one line."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # the primary code
+        remedies = _REMEDIES | {sqlite3.SQLITE_NOTADB: f"is not {what}: give another file"}
+        raise InputError("store", str(path), remedies.get(code, f"SQLite says: {error}")) from error
+
+
+def damaged(path: Path) -> InputError:
+    """The error about a damaged file."""
+    return InputError("store", str(path), _REMEDIES[sqlite3.SQLITE_CORRUPT])
 
 
 def _statements(connection: sqlite3.Connection) -> list[tuple[str, str, list[str]]]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
 from qvi_contact.element.edge import SAMPLES, gauss_legendre, legendre_basis, legendre_from_values
@@ -58,7 +59,7 @@ class ContactState(IntEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactLine:
+class ContactLine(WithFields):
     """One contact in the solution; arrays over its m Gauss points, edges in the mesh's order.
 
     An edge has p − 1 points, with p the degree of the Airy function. On arcs normals and tangents turn with the arc.

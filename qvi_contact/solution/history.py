@@ -13,6 +13,7 @@ ended. A body whose position nothing determines stays as near as possible to its
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +23,7 @@ import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, function_or_none, instance_of, real_array, true_or_false
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, laws_vary
 from qvi_contact.discretization.scaling import Scales
@@ -52,7 +54,7 @@ _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.
 
 
 @dataclass(frozen=True, eq=False)
-class History:
+class History(WithFields):
     """Results of the load steps, up to the first step that is not solved.
 
     In each step's result `slip` and `energies.dissipation` are those of the step. Energies are computed from the
@@ -224,7 +226,7 @@ def solve_history(
         How to discretise and solve all of them.
     store : str or Path, optional
         A folder in which each step is stored as soon as it is done, and not kept in memory. The same call continues an
-        interrupted history; `callback` is not called for steps that were stored before.
+        interrupted history; `callback` is not called for steps that were stored before. One run at a time can write.
     warm_start : bool
         Whether methods that accept a start begin at the state of the step before.
     **changes
@@ -238,14 +240,16 @@ def solve_history(
     Raises
     ------
     InputError
-        If there is no step, mesh or contacts change, or the store cannot be written or holds another history.
+        If there is no step, mesh or contacts change, or the store cannot be written, is in use by another run, or holds
+        another history.
 
     """
     function_or_none("callback", callback)
     warm_start = true_or_false("warm_start", warm_start)
     settings = Settings.of(settings, changes)
     title = f"qvi_contact {__version__}: solve_history"
-    with deadline(settings.time_limit), Log(title, settings.verbose, _COLUMNS, iterations=False) as log:
+    log = Log(title, settings.verbose, _COLUMNS, iterations=False)
+    with deadline(settings.time_limit), log, ExitStack() as held:
         steps, scales, vary = _surveyed(problems, kept=store is None)
         if settings.law is None and vary:
             settings = replace(settings, law_on="points")  # in all steps, as slip is passed on point by point
@@ -254,7 +258,7 @@ def solve_history(
         results: Any = list[ContactResult]()
         if store is not None:
             fingerprint = run_digest(steps, {**settings.stated, "warm_start": warm_start})
-            results = load("qvi_contact.files.archive").StepStore(store, fingerprint, len(steps), discretized)
+            results = load("qvi_contact.files.archive").StepStore(store, fingerprint, len(steps), discretized, held)
         warm = warm_start and settings.takes_state
         for number in range(len(results) + 1, len(steps) + 1):
             before = results[number - 2] if number > 1 else None

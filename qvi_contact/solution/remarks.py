@@ -11,6 +11,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.loads import joined, physical
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
@@ -18,7 +19,7 @@ from qvi_contact.mesh.edges import closes
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.contact_line import ContactState
-from qvi_contact.solution.stress import cell_stresses
+from qvi_contact.solution.stress import stress_in_cells
 from solvers import Status
 from solvers.factorisation.base import FactorisationError
 from solvers.inner.linear_program import solved
@@ -71,7 +72,7 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             "the tractions jump, or refine there."
         )
     t, weight = (each[:1] for each in result.discretization.space.cell_quadrature)  # at one point of each triangle
-    stress = scales.stress * cell_stresses(result.discretization, result.dofs, t)[1].swapaxes(1, 2)
+    stress = scales.stress * stress_in_cells(result.discretization, result.dofs, t=t)[1].swapaxes(1, 2)
     strains = np.abs(result.problem.compliances @ stress).max(axis=(1, 2))
     order, areas = np.argsort(strains), result.discretization.space.cell_measures(t, weight)[:, 0]
     share = np.cumsum(areas[order])  # the median by area: small triangles in corners count little
@@ -122,7 +123,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
     if problem.yields:
         from qvi_contact.limit.stresses import excess  # loaded only for bodies that yield
 
-        points, stress = cell_stresses(result.discretization, result.dofs)
+        points, stress = stress_in_cells(result.discretization, result.dofs)
         x, y = physical(problem, scales, points)
         above = excess(problem, x, y, scales.stress * stress)
         least, largest = _YIELDS * scales.stress, float(above.max())
@@ -181,7 +182,7 @@ _NOTHING: Final = 1e-9  # the same, below which tractions are zero up to roundin
 
 
 @dataclass(frozen=True)
-class UndeterminedMotion:
+class UndeterminedMotion(WithFields):
     """Rigid motions that several bodies have in common and nothing determines."""
 
     names: tuple[str, ...]
@@ -306,11 +307,11 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     # the motions with M(v) = 0; if touching bodies move together without [v], the largest of them is kept at rest
     M, motions = np.linalg.eigh(free.T @ (M_root.T @ M_root).toarray() @ free)
     free = free @ motions[:, M <= _HELD]
-    common = _still(free, rows, _MOVES)
+    common = _still(free, rows)
     for body in np.argsort(-bodies.size, kind="stable").tolist():
         of_body = np.eye(3 * len(bodies))[3 * body : 3 * body + 3]
         if np.abs(of_body @ common).max(initial=0.0) > _MOVES:
-            free, common = _still(free, of_body, _MOVES), _still(common, of_body, _MOVES)
+            free, common = _still(free, of_body), _still(common, of_body)
     # changes of the multipliers of rows, by the works of the motions, and the limits of their signs
     d = free.shape[1]
     speeds, by_edges = (rows @ free).reshape(2, qvi.m, d), (2, qvi.m // rule.count, rule.count, d)
@@ -324,16 +325,16 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     return FreeMotions(bodies, free, speeds, changes, (G[limited], np.maximum(h[limited], 0.0)))
 
 
-def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
-    """Orthonormal motions that span the part of `motions` (n, d) on which rows (m, n) are zero, up to `least`."""
-    return np.asarray(motions @ null_space(rows @ motions, least))
+def _still(motions: FloatArray, rows: FloatArray) -> FloatArray:
+    """Orthonormal motions that span the part of `motions` (n, d) on which rows (m, n) are zero up to rounding."""
+    return np.asarray(motions @ null_space(rows @ motions, _MOVES))
 
 
 def motions_in_words(motions: FloatArray, bodies: Bodies, body: int) -> str:
     """The motions (3, d) of a body in words; the rows are translations of its centre, and rotation times its size."""
     basis, values, _ = np.linalg.svd(motions, full_matrices=False)
     basis = basis[:, values > _MOVES]
-    moves = _still(basis, np.array([[0.0, 0.0, 1.0]]), _MOVES)
+    moves = _still(basis, np.array([[0.0, 0.0, 1.0]]))
     if not moves.shape[1]:
         x, y, turn = basis[:, 0]
         arm = bodies.size[body] / turn * np.array([-y, x])

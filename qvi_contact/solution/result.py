@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
 from qvi_contact.discretization.space import POTENTIAL, split_points
@@ -22,10 +22,9 @@ from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line, enclosed_beyond
 from qvi_contact.solution.stress import (
-    cell_stresses,
-    given_points,
     misfit_of_tractions,
     stress_at,
+    stress_in_cells,
     stress_rounding,
     traction,
 )
@@ -56,15 +55,9 @@ _WITH_PLATE: Final = "contacts with a plate or pin"
 _SHARE = 1e-3
 """Share of all multipliers of a proof of infeasibility above which a contact is named in the reason."""
 
-_ABOVE: Final = {
-    "bracket": "qvi_contact.bracket",
-    **dict.fromkeys(("remarks", "undetermined_motions"), "qvi_contact.solution.remarks"),
-}
-"""Functions of a result that it also has as attributes, and their modules, loaded on first use."""
-
 
 @dataclass(frozen=True)
-class Resultant:
+class Resultant(WithFields):
     """Resultant of the tractions on an edge set, a unit of thickness."""
 
     x: float
@@ -75,7 +68,7 @@ class Resultant:
 
 
 @dataclass(frozen=True)
-class Energies:
+class Energies(WithFields):
     """Energies a unit of thickness [stress × length²]."""
 
     strain: float
@@ -105,35 +98,22 @@ def plate_motions(problem: ContactProblem, computed: Mapping[str, Mapping[str, f
             x, y = RigidMotion(x, y, turn, reference).at(np.array(plate.pivot)).tolist()
             given = plate.x or 0.0, plate.y or 0.0, plate.rotation or 0.0
             motions[contact.name] = RigidMotion(x + given[0], y + given[1], turn + given[2], plate.pivot)
-    return MappingProxyType(Named("plates", _WITH_PLATE, motions))
+    return Named("plates", _WITH_PLATE, motions)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult(PicklesFields):
+class ContactResult(WithFields, PicklesFields):
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
     Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`. An infeasible
     problem has no state, even if an iteration left one; it has a `mechanism` as its proof.
-
-    `remarks`, `undetermined_motions`, `bracket` call the functions of `solution.remarks` and `bracket` on first use.
     """
 
     discretization: Discretization
     """The problem, its mesh and its algebraic form."""
     solution: QVISolution
     """The algebraic answer, dimensionless."""
-
-    if TYPE_CHECKING:  # functions of `_ABOVE`; ClassVar, as they are not fields of the dataclass
-        remarks: ClassVar[tuple[str, ...]]
-        undetermined_motions: ClassVar[tuple[UndeterminedMotion, ...]]
-        bracket: ClassVar[Bracket]
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in _ABOVE:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        value = self.__dict__[name] = getattr(load(_ABOVE[name]), name)(self)
-        return value
 
     def __repr__(self) -> str:
         if not self.has_state:
@@ -247,9 +227,10 @@ class ContactResult(PicklesFields):
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Stress (..., 3) at points x, y of the body [length], broadcast against each other; `InputError` outside.
 
-        The components are σ_xx, σ_yy, σ_xy [stress], tension positive; on edges inside the body the mean of both cells.
+        The components are σ_xx, σ_yy, σ_xy [stress], tension positive. On edges inside the body, also between materials
+        and on joints, this is the mean of both sides: for one side give a point a little inside it.
         """
-        return stress_at(self.discretization, self.dofs, *given_points("stress(x, y)", x, y))
+        return stress_at(self.discretization, self.dofs, x, y)[..., :3]
 
     def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Displacement u_x, u_y (..., 2) [length] at points x, y of the body, on joints the mean of all sides.
@@ -259,6 +240,24 @@ class ContactResult(PicklesFields):
         a history after slip along arcs.
         """
         return self.bracket.companion.displacement(x, y)
+
+    # functions of rooms above, loaded on first use
+
+    @cached_property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences about approximated data, the solution's attempts, and the computed state, if there is one."""
+        return tuple(load("qvi_contact.solution.remarks").remarks(self))
+
+    @cached_property
+    def undetermined_motions(self) -> tuple[UndeterminedMotion, ...]:
+        """The rigid motions of bodies and driven plates that neither supports nor contacts determine."""
+        return tuple(load("qvi_contact.solution.remarks").undetermined_motions(self))
+
+    @cached_property
+    def bracket(self) -> Bracket:
+        """Bounds of energy and forces from both sides, and of the error of the stresses."""
+        bounds: Bracket = load("qvi_contact.bracket").bracket(self)
+        return bounds
 
     @property
     def uniqueness(self) -> Uniqueness:
@@ -270,7 +269,7 @@ class ContactResult(PicklesFields):
 
         The stress has shape (cells, g, 3) [stress].
         """
-        points, stress = cell_stresses(self.discretization, self.dofs)
+        points, stress = stress_in_cells(self.discretization, self.dofs)
         x, y = physical(self.problem, self.discretization.scales, points)
         return x, y, stress * self.discretization.scales.stress
 
@@ -282,7 +281,7 @@ class ContactResult(PicklesFields):
             rows.name: contact_line(self.discretization, number, self.solution, self.dofs, unit, self.rounding)
             for number, rows in enumerate(self.discretization.contacts)
         }
-        return MappingProxyType(Named("contacts", "contacts", lines))
+        return Named("contacts", "contacts", lines)
 
     @cached_property
     def rounding(self) -> Rounding:
@@ -338,7 +337,7 @@ class ContactResult(PicklesFields):
         t, w = space.cell_quadrature
         if callable(problem.body_potential) or varies(problem):  # they may need more points than stresses do
             t, w = max((t, w), split_points(2 * POTENTIAL + 1), key=lambda rule: len(rule[1]))
-        points, stress = cell_stresses(self.discretization, self.dofs, t)
+        points, stress = stress_in_cells(self.discretization, self.dofs, t=t)
         strains = stress @ (problem.compliances / scales.compliance) * space.cell_measures(t, w)[..., None]  # weighted
         strain = 0.5 * float(np.vdot(strains, stress)) * scales.energy
         root = self.discretization.root

@@ -19,7 +19,7 @@ PARAMETERS: Final = get_args(Parameter)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings(Method):
+class Settings(WithFields, Method):
     """How a problem is discretised and solved: the fields below, and all fields of `solvers.settings.Settings`.
 
     All functions that solve accept these settings, or fields and options of the method as keyword arguments:
@@ -52,7 +52,7 @@ class Settings(Method):
             from qvi_contact.solution.result import ContactResult  # not needed by files and commands
 
             if not isinstance(self.initial, ContactResult):
-                _ = pressures(self.initial)
+                object.__setattr__(self, "initial", pressures(self.initial).tolist())  # lists can be compared
 
     @property
     def law(self) -> LawOn | None:
@@ -67,9 +67,6 @@ class Settings(Method):
         names = ("degree", "law_on", "method", "inner", "tolerance", "factorisation", "initial")
         changed = {name: value for name in names if (value := getattr(self, name)) is not getattr(type(self), name)}
         return {**changed, **self.options}
-
-
-Settings.__doc__ = WithFields(Settings)  # type: ignore[assignment]
 
 
 def pressures(initial: object) -> Any:
@@ -111,8 +108,9 @@ class RefineOptions:
     quantity: str | None = None
     """energy (by default) or dissipation; of a contact NAME.normal_force, NAME.tangential_force, NAME.slip(x, y), or
     NAME.largest_pressure, infinite at sharp corners; of a plate or pin its force or motion, NAME.force_x, force_y,
-    moment, x, y or rotation; a stress at a point, xx(x, y), yy, xy, von_mises, first or second; or its extreme along a
-    named edge, EDGES.largest_von_mises, EDGES.smallest_second: `quantity = "base.normal_force"`."""
+    moment, x, y or rotation; a stress at a point, xx(x, y), yy, xy, von_mises, first or second, on edges inside the
+    body of the mean stress of both sides; or the extreme of both sides along a named edge, EDGES.largest_von_mises,
+    EDGES.smallest_second: `quantity = "base.normal_force"`."""
     max_unknowns: int | None = None
     """Largest number of unknowns; 20000 by default: `max_unknowns = 50_000`."""
     max_rounds: int | None = None

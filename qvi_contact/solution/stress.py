@@ -43,37 +43,34 @@ _ULPS: Final = 8.0  # roundings of a degree of freedom in the elimination along 
 _POINTS = 12  # points on an arc where tractions are compared with σn
 
 
-def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Stress (σ_xx, σ_yy, σ_xy) (..., 3) [stress] at points x, y (...) [length], of degrees of freedom u (N,) of Φ.
+def stress_at(discretization: Discretization, u: FloatArray, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    """Stress (σ_xx, σ_yy, σ_xy, σ_zz) (..., 4) [stress] at points x, y [length], of degrees of freedom u (N,) of Φ.
 
     Equation (3.1) with σ_xy = −Φ_xy. On an edge inside the body, where the stress along it jumps, and in a vertex it is
     the mean of the adjacent cells. `InputError` if a point is outside the body.
     """
-    coefficients = discretization.coefficients(u.ravel())
+    problem, scales = discretization.problem, discretization.scales
 
-    def values(cell: IntArray, t: FloatArray) -> FloatArray:
-        return discretization.scales.stress * stress_in_cells(discretization, coefficients, cell, t)[1][:, 0]
+    def values(cells: IntArray, t: FloatArray) -> FloatArray:
+        points, stress = (part[:, 0] for part in stress_in_cells(discretization, u, cells, t))
+        stress = scales.stress * stress
+        return np.column_stack([stress, stress_along_z(problem, cells, *physical(problem, scales, points), stress)])
 
-    return mean_at(discretization.problem.mesh, x, y, values, "stress(x, y)")
-
-
-def given_points(name: str, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Coordinates of points, broadcast to arrays of one shape; `InputError` of the field `name` if that fails."""
-    remedy = "give real numbers, or arrays of them whose shapes go together"
-    try:
-        points_x, points_y = np.broadcast_arrays(*(real_array(name, value, remedy) for value in (x, y)))
-    except ValueError as error:
-        raise InputError(name, (x, y), remedy) from error
-    return points_x, points_y
+    return mean_at(problem.mesh, x, y, values, "stress(x, y)")
 
 
 def mean_at(
-    mesh: TriangleMesh, x: FloatArray, y: FloatArray, values: Callable[[IntArray, FloatArray], FloatArray], name: str
+    mesh: TriangleMesh, x: ArrayLike, y: ArrayLike, values: Callable[[IntArray, FloatArray], FloatArray], name: str
 ) -> FloatArray:
-    """The mean (..., k) over all cells that contain each point (...) of values (n, k) of cells (n,) at t (n, 1, 3).
+    """The mean (..., k) over all cells that contain each point x, y of values (n, k) of cells (n,) at t (n, 1, 3).
 
-    `InputError` of the field `name` if a point is outside the body.
+    `InputError` of the field `name` if the shapes of x and y do not go together, or a point is outside the body.
     """
+    remedy = "give real numbers, or arrays of them whose shapes go together"
+    try:
+        x, y = np.broadcast_arrays(*(real_array(name, value, remedy) for value in (x, y)))
+    except ValueError as error:
+        raise InputError(name, (x, y), remedy) from error
     places = np.column_stack([x.ravel(), y.ravel()])
     point, cell = mesh.around(places)
     count = np.bincount(point, minlength=len(places))
@@ -84,25 +81,18 @@ def mean_at(
     return np.asarray(total / count[:, None]).reshape(*x.shape, in_cells.shape[1])
 
 
-def cell_stresses(
-    discretization: Discretization, u: FloatArray, t: FloatArray | None = None
-) -> tuple[FloatArray, FloatArray]:
-    """Dimensionless coordinates (cells, g, 2) and stress (cells, g, 3), φ included, at reference points t of all cells.
-
-    The default t (g, 3) is that of `StressSpace.cell_quadrature`.
-    """
-    t = discretization.space.cell_quadrature[0] if t is None else t
-    cells = np.arange(discretization.problem.mesh.cell_count)
-    return stress_in_cells(discretization, discretization.coefficients(u.ravel()), cells, t)
-
-
 def stress_in_cells(
-    discretization: Discretization, coefficients: FloatArray, cells: IntArray, t: FloatArray
+    discretization: Discretization, u: FloatArray, cells: IntArray | None = None, t: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """`cell_stresses` in the cells (k,), from the coefficients of Φ in all cells (`BodyStiffness.coefficients`)."""
+    """Dimensionless coordinates (k, g, 2) and stress (k, g, 3), φ included, at reference points t of cells (k,).
+
+    By default of all cells, at the points t (g, 3) of `StressSpace.cell_quadrature`; t may be (k, g, 3).
+    """
     problem, space = discretization.problem, discretization.space
+    t = space.cell_quadrature[0] if t is None else t
+    cells = np.arange(problem.mesh.cell_count) if cells is None else cells
     points = space.points(cells, t)
-    stress = space.stress(coefficients, cells, t)
+    stress = space.stress(discretization.coefficients(u.ravel()), cells, t)
     stress[..., :2] += potential_at(problem, discretization.scales, points)[..., None]
     return points, stress
 
@@ -139,7 +129,6 @@ def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, Floa
 COMPONENTS: Final = ("xx", "yy", "xy", "von_mises", "first", "second")
 """Scalar stresses: Cartesian components, von Mises, in-plane principal stresses σ₁ ≥ σ₂."""
 
-_CHUNK: Final = 4096  # number of cells that are sampled at a time, for small tables
 _MOST_DIVISIONS: Final = 128  # largest number of divisions of a cell's sides
 
 
@@ -166,18 +155,16 @@ def sample_body(result: ContactResult, parts: int = 0, divisions: int | None = N
     wanted = np.clip(parts * sizes / mesh.length, 1.0, _MOST_DIVISIONS)
     division_of = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # powers of two make few groups of cells
     division_of = division_of if divisions is None else np.full(len(sizes), divisions)
-    coefficients = discretization.coefficients(result.dofs)
     samples: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
     for division in np.unique(division_of).tolist():
         t, split = discretization.space.lattice(division)
-        cells_of = np.flatnonzero(division_of == division)
-        for cells in (cells_of[start : start + _CHUNK] for start in range(0, len(cells_of), _CHUNK)):
-            points, stress = stress_in_cells(discretization, coefficients, cells, t)
-            reference = np.tile(t, (len(cells), 1))
-            samples.append((points.reshape(-1, 2), np.repeat(cells, len(t)), reference, stress.reshape(-1, 3)))
-            triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
-            count += len(cells) * len(t)
+        cells = np.flatnonzero(division_of == division)
+        points, stress = stress_in_cells(discretization, result.dofs, cells, t)
+        reference = np.tile(t, (len(cells), 1))
+        samples.append((points.reshape(-1, 2), np.repeat(cells, len(t)), reference, stress.reshape(-1, 3)))
+        triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
+        count += len(cells) * len(t)
     points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*samples, strict=True))
     x, y = physical(result.problem, discretization.scales, points)
     stresses *= discretization.scales.stress
@@ -235,16 +222,11 @@ def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
         points = EdgePoints(space, given.edges, count)
         normal, shear = points.tractions(u.ravel())
         directions = points.vectors(given.direction, given.turns)
-        along = component(normal * points.normals.T + shear * points.tangents.T, directions)
+        along = ((normal * points.normals.T + shear * points.tangents.T) * directions.T).sum(axis=0)
         prescribed = traction_data(problem, scales, given, LOAD_POINTS)
         computed = along.reshape(-1, count) @ legendre_from_values(degree, count).T
         largest = max(largest, prescribed.misfit(computed))
     return scales.stress * largest
-
-
-def component(vectors: FloatArray, directions: FloatArray) -> FloatArray:
-    """The component of vectors (2, points) along a direction at each point (points, 2), shape (points,)."""
-    return np.asarray((vectors * directions.T).sum(axis=0))
 
 
 def allowed_misfit(unit: float, rounding: float) -> float:

@@ -10,7 +10,6 @@ import math
 import pickle
 import sqlite3
 import time
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
@@ -25,7 +24,7 @@ import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import function_or_none, instance_of, names_among, one_of, real_array, true_or_false
-from qvi_contact.basics.schema import LARGEST
+from qvi_contact.basics.schema import LARGEST, WithFields
 from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import laws_vary
@@ -54,7 +53,7 @@ _GRACE: Final = 30.0  # seconds after the time limit at which a worker process i
 
 
 @dataclass(frozen=True)
-class SweepRow:
+class SweepRow(WithFields):
     """One value of a sweep."""
 
     number: int
@@ -81,16 +80,19 @@ class SweepRow:
         return cls(number, value, result.status, result.message, result.iterations, accuracy, seconds, contacts)
 
 
-class SweepRows(ABC):
+@dataclass(frozen=True, eq=False)
+class SweepRows(WithFields):
     """Statuses and tables of a sweep, whether its results are in memory or its rows in a file."""
 
     parameter: Parameter
+    """The name of the datum that is changed."""
     values: tuple[float, ...]
+    """All values asked for, done or not."""
     _unfinished: ClassVar[str] = f"time limit after {{}} of {{}} values. {Status.TIME_LIMIT.advice}"
 
-    @abstractmethod
     def rows(self) -> Iterator[SweepRow]:
         """The rows of all values that are done, in the order of the values."""
+        raise NotImplementedError
 
     @property
     def statuses(self) -> tuple[Status, ...]:
@@ -135,10 +137,6 @@ class SweepRows(ABC):
 class Sweep(SweepRows):
     """Results of a sweep, one for each value that was done."""
 
-    parameter: Parameter
-    """The name of the datum that was changed."""
-    values: tuple[float, ...]
-    """All values asked for."""
     steps: tuple[ContactResult, ...]
     """The results in the order of the values; fewer than values if the time limit was reached."""
 
@@ -463,14 +461,10 @@ _DONE: Final = f"""
 
 @dataclass(frozen=True)
 class StoredSweep(SweepRows):
-    """A sweep whose rows are in a file, which is read on each access.
-
-    `values` are all values asked for, done or not. Each access raises `InputError` if the file is gone or damaged.
-    """
+    """A sweep whose rows are in a file, which is read on each access; `InputError` if it is gone or damaged."""
 
     path: Path
-    parameter: Parameter
-    values: tuple[float, ...]
+    """The file."""
     _unfinished = "{} of {} values are done: a run works, was stopped, or reached its time limit. The same call goes on"
 
     def rows(self) -> Iterator[SweepRow]:
@@ -490,7 +484,7 @@ def read_sweep(path: str | Path) -> StoredSweep:
     place = _place(path)
     with _DATABASE.opened(place) as connection:
         parameter, _, values = _plan(connection, place)
-    return StoredSweep(place, parameter, values)
+    return StoredSweep(parameter, values, place)
 
 
 def _place(path: str | Path) -> Path:

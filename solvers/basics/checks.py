@@ -78,11 +78,12 @@ def real_array(field: str, value: object, remedy: str = "give real numbers") -> 
     if type(value) is np.ndarray and value.dtype == np.float64:
         return value.copy()
     try:
-        array = np.asarray(value)
+        array = np.asanyarray(value)
         entries = array.flat if array.dtype.kind == "O" else ()
         # NumPy would convert these to numbers: None to NaN, texts to their value, complex numbers to the real part
         is_other = (each is None or isinstance(each, complex | np.complexfloating | str | bytes) for each in entries)
-        if array.dtype.kind in "biufO" and not any(is_other):
+        has_mask = type(array) is not np.ndarray and isinstance(array, np.ma.MaskedArray) and bool(array.mask.any())
+        if array.dtype.kind in "biufO" and not has_mask and not any(is_other):  # NumPy would drop the mask
             with np.errstate(over="ignore"):  # callers refuse infinity if they must
                 return np.array(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:

@@ -231,7 +231,7 @@ def energy_apart(one, other):
 
     def stress_of(result, cells, t):
         known = result.discretization
-        points, stress = stress_in_cells(known, known.coefficients(result.dofs), cells, t)
+        points, stress = stress_in_cells(known, result.dofs, cells, t)
         return result.problem.mesh.origin + known.scales.length * points, stress * known.scales.stress
 
     t, w = split_points(5)

@@ -123,9 +123,10 @@ def test_unknown_options_of_limits_are_refused_as_those_of_solves(use):
         use(*given, degre=5)
 
 
-def test_help_has_the_texts_of_all_settings():
-    shown = pydoc.plain(pydoc.render_doc(Settings))
-    assert all(f" |  {name}: " in shown for name in Settings.__dataclass_fields__)
+@pytest.mark.parametrize("kind", [Settings, Contact, Material, Corner, Expression, ContactProblem])
+def test_help_has_the_texts_of_all_fields(kind):
+    shown = pydoc.plain(pydoc.render_doc(kind))
+    assert all(shown.count(f" |  {name}: ") == 1 for name in kind.__dataclass_fields__ if name != "in_files")
 
 
 def test_wrong_options_of_a_bracket_the_algebraic_solve_and_tables():
@@ -141,6 +142,7 @@ def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
     for start in ("high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400):
         refused(lambda value: ENTRIES[entry](tmp_path, initial=value), start, "initial")
     refused(lambda value: ENTRIES[entry](tmp_path, method="condensed", inner=value), "qp:clarabel", "inner")
+    assert Settings(initial=np.ones(2)) == Settings(initial=np.ones(2)) != Settings(initial=np.ones(2) + 1e-9)
 
 
 @pytest.mark.parametrize(
@@ -170,7 +172,7 @@ def test_names_are_texts(use):
 )  # fmt: skip
 def test_numbers_are_real(use):
     numbers = 0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0.0, np.complex64(0.5 + 1j), 1.0]
-    for value in (*numbers, "0.5", ["0.0", "1.0"], 10**400, None):
+    for value in (*numbers, np.ma.array([0.0, 0.5, 1.0], mask=[0, 1, 0]), "0.5", ["0.0", "1.0"], 10**400, None):
         with pytest.raises(InputError):
             use(value)
 

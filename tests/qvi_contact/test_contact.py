@@ -62,12 +62,11 @@ def test_gap_and_slip_over_an_obstacle_that_is_not_reached(side, friction):
     contact = Contact(
         side, friction=friction, gap=lambda x, y: 0.05 + 0.02 * x + 0 * y, offset=lambda x, y: 0.01 - 0.03 * x + 0 * y
     )
-    other = "top" if side == "bottom" else "bottom"
+    other, outward = ("bottom", 1.0) if side == "top" else ("top", -1.0)
     sides = {side: "cc", "right": "uu", other: "tt", "left": "uu"}
     result = solve(exact.problem_from_state(state, mesh, MATERIAL, sides, (contact,)))
     line = result.contacts[side]
     u = state.displacement(line.x, line.y)
-    outward = 1.0 if side == "top" else -1.0
     assert result.status is Status.SOLVED
     assert set(line.state) == {OPEN}
     assert line.gap == pytest.approx(0.05 + 0.02 * line.x - outward * u[1], rel=1e-7)

@@ -244,10 +244,15 @@ def _begun(stopped, tmp_path):
 
 
 def done(folder):
-    """The steps that a run in the folder still had to solve, and the history."""
+    """The steps that a run in the folder still had to solve, and the history; a second run meanwhile is refused."""
     told = []
-    history = solve_history(STEPS, lambda number, _: told.append(number), store=folder)
-    return told, history
+
+    def hear(number, _):
+        told.append(number)
+        with refused_at("store", "another run is at work"):
+            solve_history(STEPS, store=folder)
+
+    return told, solve_history(STEPS, hear, store=folder)
 
 
 def test_it_goes_on_where_it_stopped(begun, whole):
@@ -327,9 +332,8 @@ def test_each_step_can_be_checked_from_its_file(tmp_path):
     for number, step in enumerate(history.steps, 1):
         found = verify_file(tmp_path / f"step-{number:06}.npz")
         assert found.passed, found.summary()
-        assert next(row.value for row in found.rows if row.name == "energy_gap") == pytest.approx(
-            step.certificate.measures["energy_gap"], abs=1e-12
-        )
+        gap = next(row.value for row in found.rows if row.name == "energy_gap")
+        assert gap == pytest.approx(step.certificate.measures["energy_gap"], abs=1e-12)
 
 
 def test_a_step_with_another_answer_is_found_out(tmp_path):

@@ -89,7 +89,7 @@ class TestPolygons:
             ({"corners": [(0, 0), (1, 0, 0), (1, 1)]}, "Corner.at", "pair"),
             ({"corners": [Corner((0, 0), centre=(0.4, 0.0)), (1, 0), (1, 1)]}, "corners", "from its centre"),
             ({"corners": [Corner((0, 0), centre=(0.5, -1e17)), (1, 0), (1, 1)]}, "corners", "too far"),
-            ({"corners": Corner.circle((0.0, 0.0), 1e200, size=1e-200)}, "corners", "inf chords"),
+            ({"corners": Corner.circle((0.0, 0.0), 1e50, size=1e-50)}, "corners", "chords"),
             ({"size": 0.0}, "size", "greater than 0"),
             ({"size": 1e-9}, "size", "too small"),
             ({"size": 1e-4}, "size", "triangles"),

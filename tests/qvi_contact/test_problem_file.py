@@ -128,7 +128,7 @@ def plate(**changes):
     [({"gap": lambda x, y: x * y}, "contacts[0].gap", "Expression"),
      ({"gap": Expression("a", {"a": 1.0}), "offset": Expression("a", {"a": 2.0})}, "contacts[0].offset", "rename"),
      ({"gap": Expression("t", t=1.0), "offset": Expression("t", t=2.0)}, "contacts[0].offset", "one time"),
-     ({"name": "two\nlines"}, "contacts[0].name", "one line")],
+     ({"name": "two\nlines"}, "Contact.name", "one line")],
 )  # fmt: skip
 def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
     with refused_at(field, words):
@@ -143,6 +143,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
      ("friction = 0.2", "frictoin = 0.2", "contacts[0].frictoin", "did you mean friction"),
      ("version = 1", "version = 1\ndegre = 4", "degre", "did you mean degree, of [solve]?"),
      ("[mesh]", "[mesh]\nyoung = 1.0", "mesh.young", "this belongs to [material]"),
+     ("x = 0.0\ny = 0.0", "pressure = 1.0", "tractions[0].pressure", "did you mean normal? "),
      ("friction = 0.2", "", "contacts[0].friction", "coefficient of friction"),
      ("friction = 0.2", "friction = -0.2", "contacts[0].friction", "at least 0"),
      ("friction = 0.2", 'friction = "x - 0.5"', "contacts[0].friction", "found this one at x = 0"),
