@@ -43,6 +43,8 @@ _COLUMNS = {
 }  # fmt: skip
 
 _ROUNDS: Final = 60  # default of `max_rounds`
+_GROWING: Final = 4  # rounds in succession that show whether a quantity grows while its error stays,
+_STAYED: Final = 0.8  # that is, falls to no less than this share; smooth quantities lose far more in three rounds
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -127,6 +129,18 @@ class Refinement(Outcome):
     def problem(self) -> ContactProblem:
         """The problem on the last mesh."""
         return self.result.problem
+
+    @property
+    def message(self) -> str:
+        """One sentence about the outcome; a second clause says if the value may be infinite."""
+        last = self.rounds[-_GROWING:]
+        is_growing = len(last) == _GROWING and (np.diff(np.abs([each.value for each in last])) > 0.0).all()
+        if not is_growing or not last[-1].estimate > _STAYED * last[0].estimate:
+            return super().message
+        return (
+            f"{super().message}; the value grew in each of the last {_GROWING - 1} rounds while the error stayed: "
+            "it may be infinite, as stresses are at sharp corners"
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -367,11 +367,11 @@ class TestStressesAndSlip:
 
     def test_a_singular_peak_is_not_reached(self):
         """The pressure of the plate grows towards its corner, where it sticks."""
-        outcome = refine(plate(1.0), None, 1e-2, "plate.largest_pressure", max_rounds=3)
+        outcome = refine(plate(1.0), None, 1e-2, "plate.largest_pressure", max_rounds=4)
         values = [each.value for each in outcome.rounds]
         assert values == sorted(values)
         assert outcome.status is not RefinementStatus.REACHED
-        assert outcome.estimate > 0.1
+        assert (outcome.estimate > 0.1, "infinite" in outcome.message) == (True, True)
 
 
 @pytest.mark.parametrize(
