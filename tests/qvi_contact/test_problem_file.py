@@ -139,6 +139,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
 @pytest.mark.parametrize(
     ("old", "new", "field", "words"),
     [("version = 1", "", "version", "add this key"),
+     ("version = 1", "version = 1\n[refine]\nguaranteed = 1", "refine.guaranteed", "true or false"),
      ("version = 1", "version = 2", "version", "give 1"), ("y = [0.0, 1.0]", "", "mesh.y", "add this key"),
      ("friction = 0.2", "frictoin = 0.2", "contacts[0].frictoin", "did you mean friction"),
      ("version = 1", "version = 1\ndegre = 4", "degre", "did you mean degree, of [solve]?"),

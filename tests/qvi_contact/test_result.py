@@ -202,6 +202,8 @@ def test_a_result_stays_what_it_is(remembering, copied):
         assert getattr(again.energies, energy.name) == pytest.approx(
             value, rel=0.0, abs=1e-12 * remembering.energies.strain
         )
+    with pytest.raises(TypeError):
+        again.contacts["other"] = None
     for name, line in copied(remembering.contacts).items():
         assert np.array_equal(again.contacts[name].slip, line.slip)
     assert not again.problem.mesh.vertices.flags.writeable
