@@ -125,6 +125,7 @@ class TestRefusals:
             ("no interior edge", mesh.with_joint, "low", [(0, 1)]),
             ("booleans", mesh.with_edges, "low", lambda _, y: y),
             *(("0 to 1", mesh.with_region, "steel", cells) for cells in ([2], [-1], [])),
+            ("real numbers", mesh.with_region, "steel", np.ma.array([0, 1], mask=[0, 1])),
         ):  # fmt: skip
             with pytest.raises(InputError, match=told):
                 call(*given)
