@@ -566,8 +566,9 @@ def _suggestion(kind: type, name: str, known: tuple[str, ...], reader: Reader) -
     suggestion = closest(name, {**dict.fromkeys(known), **places})
     for each in (kind, *inlined(kind)) if suggestion not in known else ():
         for here, text in described(each).items():
-            if here in known and re.search(rf"\b{re.escape(name)}\b", text):
-                return f"there is no such key; did you mean {here}? {text.rpartition(': `')[0]}; {listed}"
+            meaning = text.rpartition(": `")[0].partition(". ")[0]  # others are named in later sentences
+            if here in known and re.search(rf"\b{re.escape(name)}\b", meaning):
+                return f"there is no such key; did you mean {here}? {meaning}; {listed}"
     if suggestion is None:
         return f"there is no such key; {listed}"
     where = "" if suggestion in known else f", of {places[suggestion]}"
