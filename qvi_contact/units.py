@@ -43,6 +43,11 @@ class Units(Checked):
             raise InputError("units", units, "give Units, such as Units('mm', 'MPa'), or leave them out")
         return {name: str(getattr(units, quantity)) for name, quantity in quantities.items()}
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("length", "stress"):
+            object.__setattr__(self, name, getattr(self, name).strip())
+
     @property
     def displacement(self) -> str:
         """Unit of displacements, gaps and slips: that of length."""

@@ -1,7 +1,7 @@
 """The exceptions of the project, all derived from `QVIError`, and suggestions for mistyped names."""
 
 import pickle
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 _Value = TypeVar("_Value")
@@ -111,16 +111,23 @@ def known_name(field: str, name: object, known: Mapping[str, Collection[str]], o
     raise UnknownNameError(field, name, nearest_first(name, all_names, remedy))
 
 
-class Named(dict[str, _Value]):
-    """A dictionary whose errors list its keys; `field` is its name, `kind` says what the keys name, in the plural.
+class Named(Mapping[str, _Value]):
+    """A read-only mapping whose errors list its keys; `field` is its name, `kind` says in the plural what these name.
 
-    ``mapping[name]`` raises `UnknownNameError`, which is a `KeyError` too, for an unknown name. ``name in mapping`` and
-    ``mapping.get(name)`` are as usual.
+    ``mapping[name]`` raises `UnknownNameError`, which is a `KeyError` too, for an unknown name.
     """
 
     def __init__(self, field: str, kind: str, values: Mapping[str, _Value]) -> None:
-        super().__init__(values)
-        self._field, self._kind = field, kind
+        self._field, self._kind, self._values = field, kind, dict(values)
 
-    def __missing__(self, name: object) -> _Value:
-        return self[known_name(self._field, name, {self._kind: self})]  # which raises
+    def __getitem__(self, name: str) -> _Value:
+        return self._values[known_name(self._field, name, {self._kind: self._values})]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __repr__(self) -> str:
+        return repr(self._values)

@@ -43,7 +43,6 @@ _TOML_REMEDIES: Final = (
     ),
     ("is not a Traction;", "is not one of [[tractions]];"),
     ("by a Displacement or Contact", "by [[displacements]] or [[contacts]]"),
-    ("give True or False", "give true or false"),
 )  # words of remedies in Python, and in problem files
 
 
@@ -122,7 +121,12 @@ class Whole(Kind):
 
 
 class Truth(Kind):
-    """True or false."""
+    """True or false; Python's 1 and 0 are no values in a file."""
+
+    def read(self, value: Any, reader: Reader) -> bool:  # noqa: ARG002
+        if not isinstance(value, bool):
+            raise InputError("", value, "give true or false")
+        return value
 
     def check(self, name: str, value: Any) -> bool:
         from qvi_contact.basics.checks import true_or_false
@@ -562,8 +566,9 @@ def _suggestion(kind: type, name: str, known: tuple[str, ...], reader: Reader) -
     suggestion = closest(name, {**dict.fromkeys(known), **places})
     for each in (kind, *inlined(kind)) if suggestion not in known else ():
         for here, text in described(each).items():
-            if here in known and re.search(rf"\b{re.escape(name)}\b", text):
-                return f"there is no such key; did you mean {here}? {text.rpartition(': `')[0]}; {listed}"
+            meaning = text.rpartition(": `")[0].partition(". ")[0]  # others are named in later sentences
+            if here in known and re.search(rf"\b{re.escape(name)}\b", meaning):
+                return f"there is no such key; did you mean {here}? {meaning}; {listed}"
     if suggestion is None:
         return f"there is no such key; {listed}"
     where = "" if suggestion in known else f", of {places[suggestion]}"

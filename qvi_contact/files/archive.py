@@ -111,7 +111,7 @@ class Archive:
             raise InputError("result", self.path, f"cannot be read ({text}): {_REMEDY}") from error
         if "format" not in self.arrays or self.text("format") != FORMAT:
             raise InputError("result", self.path, f"is not a result that can be checked: {_REMEDY}")
-        _refuse_other_version("result", self.path, self.number("format_version"))
+        _refuse_other_version("result", self.path, self.count("format_version"))
 
     @property
     def intact(self) -> bool:

@@ -52,15 +52,12 @@ def problem_to_toml(
     Of a problem that was read from a file, only the state at the first time is written. Copy `[solve]`, `[refine]`,
     `[sweep]` and the times of `[history]` from that file.
     """
-    instance_of(
-        ContactProblem, "problem", problem, "give a ContactProblem, such as the problem of a file that was read"
-    )
-    for name, value, kind in (
-        ("title", title, str),
-        ("description", description, str),
-        ("units", units or Units(), Units),
-    ):
-        instance_of(kind, name, value, "give a text" if kind is str else "give Units, or nothing")
+    remedy = "give a ContactProblem, such as the problem of a file that was read"
+    instance_of(ContactProblem, "problem", problem, remedy)
+    for name, value in (("title", title), ("description", description)):
+        instance_of(str, name, value, "give a text")
+    if units is not None:
+        instance_of(Units, "units", units, "give Units, or nothing")
     text = unchecked_toml(problem, title, description, units)
     problem_from_toml(text)  # raises for values that only Python allows, such as names of several lines
     return text

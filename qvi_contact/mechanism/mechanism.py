@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -306,9 +305,9 @@ class Rigid:
         contacts = {name: ContactMotion(opening[name], slip[name]) for name in opening}
         return Mechanism(
             bodies.of_cells, motions[: bodies.blocks],
-            MappingProxyType(Named("plates", "contacts with a plate or pin", plates)),
-            MappingProxyType(Named("works", "loads", by_load)), sum(line.resistance(bodies, v) for line in self.lines),
-            MappingProxyType(Named("contacts", "contacts", contacts)), float(max(violations)),
+            Named("plates", "contacts with a plate or pin", plates),
+            Named("works", "loads", by_load), sum(line.resistance(bodies, v) for line in self.lines),
+            Named("contacts", "contacts", contacts), float(max(violations)),
         )  # fmt: skip
 
 

@@ -19,17 +19,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_nu
 from qvi_contact.element.edge import gauss_legendre, legendre_from_values
 from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, place_of
-from qvi_contact.mesh.edges import (
-    Topology,
-    angles,
-    arc_offsets,
-    beyond_chords,
-    cross,
-    levelled,
-    polynomials,
-    reversed_bends,
-    turned,
-)
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, beyond_chords, cross, levelled, reversed_bends, turned
 from qvi_contact.mesh.selection import checked_set, point
 
 ROUNDING: Final = 1.5e-6
@@ -311,12 +301,12 @@ def _bends(curve: _CurvePoints, first: FloatArray, second: FloatArray, ends: Flo
     slopes = np.asarray(legder(coefficients, axis=2), dtype=np.float64)
     # the speed, the fraction s of the arc length and the angle θ at points of the parameter; c_k = (2k + 1) ∫ θ P_k ds
     u, weights = gauss_legendre(_SPEED_POINTS)
-    tangents = _curve_points(slopes, np.tile(2.0 * u - 1.0, (len(slopes), 1)))
+    tangents = (slopes @ legvander(2.0 * u - 1.0, slopes.shape[2] - 1).T).swapaxes(1, 2)
     speed = np.hypot(*np.moveaxis(tangents, -1, 0))
     to_speed = legendre_from_values(_SPEED_POINTS - 1, _SPEED_POINTS).T
     arc_length = np.asarray(legint(speed @ to_speed, axis=1, lbnd=-1), dtype=np.float64) / 2.0
-    total = polynomials(arc_length, np.ones((len(slopes), 1)))
-    s, compared = (polynomials(arc_length, np.tile(2.0 * x - 1.0, (len(slopes), 1))) / total for x in (u, _COMPARED))
+    total = arc_length.sum(axis=1, keepdims=True)  # its value at the end, where all Legendre polynomials are 1
+    s, compared = (arc_length @ legvander(2.0 * x - 1.0, _SPEED_POINTS).T / total for x in (u, _COMPARED))
     turn = np.arctan2(cross(chords[:, None], tangents), (chords[:, None] * tangents).sum(axis=2))
     moments = ((turn * weights * speed / total)[:, None] @ legvander(2.0 * s - 1.0, _POINTS - 1))[:, 0]
     bends = levelled(_without_rounding(moments * (2 * np.arange(_POINTS) + 1), _KEPT_COEFFICIENT * tolerance))
@@ -327,11 +317,6 @@ def _bends(curve: _CurvePoints, first: FloatArray, second: FloatArray, ends: Flo
         remedy = "is not smooth there, turns back, or turns too far along one edge: divide the triangles there"
         raise InputError(curve.name, place_of(ends[not_smooth[0]].mean(axis=0)), f"the curve {remedy}")
     return bends[:, : 1 + int(np.flatnonzero(bends.any(axis=0)).max(initial=0))]
-
-
-def _curve_points(curves: FloatArray, x: FloatArray) -> FloatArray:
-    """Points (k, q, 2) at x (k, q), −1 to 1, of curves with Legendre coefficients (k, 2, n)."""
-    return np.stack([polynomials(curves[:, axis], x) for axis in (0, 1)], axis=-1)
 
 
 def _without_rounding(terms: FloatArray, rounding: FloatArray) -> FloatArray:

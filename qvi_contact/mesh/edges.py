@@ -121,7 +121,7 @@ _EXTRA_POINTS: Final = 6  # Gauss points in addition to the number of coefficien
 
 def angles(bend: FloatArray, t: FloatArray) -> FloatArray:
     """Angles θ (n, q) [rad] of edges with bends (n, k) at fractions t, (q,) or (n, q), of their lengths."""
-    return polynomials(bend, 2.0 * np.broadcast_to(t, (len(bend), np.shape(t)[-1])) - 1.0)
+    return np.asarray(legval(2.0 * t - 1.0, bend.T[:, :, None], tensor=False))
 
 
 def stretches(bend: FloatArray) -> FloatArray:
@@ -176,11 +176,6 @@ def part_of(bend: FloatArray, start: FloatArray, stop: FloatArray) -> FloatArray
     points = start[:, None] + (stop - start)[:, None] * gauss_legendre(n_coefficients)[0]
     part = angles(bend, points) @ legendre_from_values(n_coefficients - 1, n_coefficients).T
     return levelled(np.where(np.logical_or.accumulate(bend[:, ::-1] != 0.0, axis=1)[:, ::-1], part, 0.0))
-
-
-def polynomials(terms: FloatArray, x: FloatArray) -> FloatArray:
-    """Values (n, q) of polynomials with Legendre coefficients (n, k) at x (n, q), −1 to 1."""
-    return np.asarray(legval(x, terms.T[:, :, None], tensor=False))
 
 
 def turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:

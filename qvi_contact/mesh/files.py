@@ -357,7 +357,7 @@ _Members: TypeAlias = defaultdict[str, list[_Member]]  # by the side of the elem
 
 
 def _lines_of(path: Path, including: tuple[Path, ...] = ()) -> Iterator[str]:
-    """Lines of a file and of the files that it includes, without comments."""
+    """Lines of a file and of the files that it includes, without comments, and without quotes around names."""
     path = path.resolve()
     if path in including or (including and not path.is_file()):
         raise ValueError(f"it includes {path.name}, which is not there, or includes itself")
@@ -367,9 +367,9 @@ def _lines_of(path: Path, including: tuple[Path, ...] = ()) -> Iterator[str]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("latin-1")
-    for line in map(str.strip, io.StringIO(text, newline=None)):
+    for line in map(str.strip, io.StringIO(text.replace('"', ""), newline=None)):
         if line.upper().startswith("*INCLUDE"):
-            yield from _lines_of(path.parent / line.partition("=")[2].strip().strip('"'), (*including, path))
+            yield from _lines_of(path.parent / line.partition("=")[2].strip(), (*including, path))
         elif line and not line.startswith("**"):
             yield line
 
@@ -393,7 +393,7 @@ class _AbaqusFile:
                 if line.startswith("*"):
                     self._sections.append((" ".join(words.pop(0).upper().split()), {}, []))
                 pairs = (word.partition("=") for word in words)
-                self._sections[-1][1].update({key.strip().upper(): value.strip(' \t"') for key, _, value in pairs})
+                self._sections[-1][1].update({key.strip().upper(): value.strip() for key, _, value in pairs})
                 is_continued = line.endswith(",")
             elif self._sections and self._sections[-1][0] in (*_READ, "SYSTEM", "INSTANCE"):
                 self._sections[-1][2].append(line)
@@ -455,7 +455,7 @@ class _AbaqusFile:
                 raise InputError("mesh", "", remedy)
             if keyword in _READ and "INPUT" in options:
                 data += _lines_of(self._path.parent / options["INPUT"], (self._path.resolve(),))
-            rows = ([word.strip(' \t"') for word in line.rstrip(",").split(",")] for line in data)
+            rows = ([word.strip() for word in line.rstrip(",").split(",")] for line in data)
             if keyword == "NODE":
                 self._read_nodes(options, rows, of_assembly)
             elif keyword == "ELEMENT":
@@ -479,6 +479,8 @@ class _AbaqusFile:
         plane, truss = _PLANE.fullmatch(kind.upper()), _TRUSS.fullmatch(kind.upper())
         if of_assembly and not plane and not truss:  # springs, masses and connectors
             self._of_assembly["ELSET"] |= {int(words[0]) for words in rows if words[0].isdigit()}
+            if "ELSET" in options:  # without elements of the body
+                self._set("ELSET", options, of_assembly=True)
             return
         if of_assembly:
             raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")

@@ -45,8 +45,8 @@ def numbers_of(name: str, value: Any, kind: type) -> Any:
     """An array of numbers, or `InputError`; integers if `kind` is int."""
     array: Any = None
     with suppress(ValueError):  # rows of several lengths, which are refused next
-        array = np.asarray(value)
-        if kind is int and array.dtype == np.int64:
+        array = np.asanyarray(value)
+        if kind is int and type(array) is np.ndarray and array.dtype == np.int64:
             return array.copy()
     numbers = real_array(name, value, "give an array of real numbers")
     whole = kind is not int or bool((np.abs(numbers) < _EXACT_INTEGERS).all() and (numbers == np.rint(numbers)).all())

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,7 +89,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             if names:
                 more = f" and {len(names) - _NAMES_IN_REPR} more" if len(names) > _NAMES_IN_REPR else ""
                 parts += f"; {kind} {', '.join(names[:_NAMES_IN_REPR])}{more}"
-        cells = f"{len(self.cells)} triangle{'s'[: len(self.cells) - 1]} with {len(self.vertices)} vertices"
+        cells = f"{len(self.cells)} triangle{'s' if len(self.cells) > 1 else ''} with {len(self.vertices)} vertices"
         return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{parts}>"
 
     def _repr_png_(self) -> bytes | None:
@@ -370,7 +370,16 @@ class TriangleMesh(MeshParts, PicklesFields):
             chosen = checked_set(name, where, self.topology, self.vertices)
         if not len(chosen) or not allowed[chosen].all():
             raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
-        return replace(self, edge_sets={**self.edge_sets, name: ends[chosen]})
+        return self._renamed(edge_sets={**self.edge_sets, name: ends[chosen]})
+
+    def _renamed(self, **names: dict[str, IntArray]) -> TriangleMesh:
+        """The same mesh with other `edge_sets` or `regions`, which are checked; it shares what depends on no name."""
+        mesh, of_names = object.__new__(TriangleMesh), ("edge_names", "joint_names", "kept", "_numbers", "_taken")
+        vars(mesh).update({name: value for name, value in vars(self).items() if name not in of_names})
+        for kind, sets in names.items():
+            read_only(*sets.values())
+            vars(mesh)[kind] = MappingProxyType(sets)
+        return mesh
 
     def with_arc(self, name: str, centre: tuple[float, float], radius: float) -> TriangleMesh:
         """The same mesh with the edges called `name` as arcs of a circle [length], on which their vertices lie.
@@ -398,8 +407,8 @@ class TriangleMesh(MeshParts, PicklesFields):
     def with_region(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more region, given by a function of (x, y) at centres of triangles, or by numbers."""
         new_name(name, self.regions, "region")
-        chosen: Any = selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
-        return replace(self, regions={**self.regions, name: chosen})
+        chosen = selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
+        return self._renamed(regions={**self.regions, name: checked_region(name, chosen, len(self.cells))})
 
     def part(self, cells: IntArray, edge_sets: Mapping[str, IntArray] | None = None) -> TriangleMesh:
         """The chosen triangles as a mesh; it keeps names and arcs that have edges or triangles in it.

@@ -11,7 +11,7 @@ another run might just have opened it, and then two runs could write. It may be 
 
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -64,7 +64,7 @@ class Database:
         A new file gets its name only when it has its tables, and the rows that `fill` writes into them.
         """
         writable_folder(path.parent, "store")
-        with locked(path):
+        with locked(path), explained(path, self.what):
             rows = None
             if path.exists():
                 with self.opened(path) as connection:
@@ -128,14 +128,16 @@ def locked(path: Path) -> Iterator[None]:
     """Lock a file for other runs in the block; `InputError` of "store" if another run holds the lock."""
     target = path.resolve()
     lock = target.with_name(f"{target.name}.lock")  # the file itself need not exist yet
-    with explained(path), closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
-        connection.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
-        connection.execute("BEGIN EXCLUSIVE")
+    with ExitStack() as stack:
+        with explained(path):
+            connection = stack.enter_context(closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)))
+            connection.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
+            connection.execute("BEGIN EXCLUSIVE")
         yield
 
 
 @contextmanager
-def explained(path: Path, what: str = "a store") -> Iterator[None]:
+def explained(path: Path, what: str = "the lock of a store") -> Iterator[None]:
     """Turn errors of SQLite in the block into an `InputError` with a remedy, in one line."""
     try:
         yield

@@ -21,13 +21,7 @@ from qvi_contact.problem.conditions import DRIVES, RigidMotion
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line, enclosed_beyond
-from qvi_contact.solution.stress import (
-    misfit_of_tractions,
-    stress_at,
-    stress_in_cells,
-    stress_rounding,
-    traction,
-)
+from qvi_contact.solution.stress import misfit_of_tractions, stress_at, stress_in_cells, stress_rounding, traction
 from qvi_contact.units import LEAST_SHOWN, SHARE, Rounding, Units
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.types import PicklesFields, frame, load, pandas

@@ -191,7 +191,7 @@ def test_a_time_out_in_a_function_goes_on():
      lambda: solve(None), lambda: solve(PLATE, initial=np.ones(3)),
      lambda: limit_load_factor(PLATE, ["body"], time_limit=np.nan),
      lambda: solve_history([PLATE]).slip("typo"), lambda: problem_to_toml(None),
-     lambda: problem_to_toml(PLATE, title=None), lambda: problem_to_toml(PLATE, units="mm"),
+     lambda: problem_to_toml(PLATE, title=None), lambda: problem_to_toml(PLATE, units=0),
      lambda: TriangleMesh.rectangle((2, 2), origin=("0", 0.0)), lambda: graded_lines(0.0, 1.0, 10**400),
      lambda: compressed_plate(0.3, displacement="1e-3"), lambda: solve(PLATE, element="bfs", degree=4),
      lambda: solve(step().discretization, degree=5),

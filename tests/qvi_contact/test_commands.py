@@ -122,9 +122,8 @@ class TestHistory:
         assert document["times"] == [0.0, 0.25, 0.5]
         assert len(document["steps"]) == 3
         lost = document["dissipated"]
-        assert lost["steps"]["value"] == pytest.approx(
-            [each["energies"]["dissipation"]["value"] for each in document["steps"]]
-        )
+        of_steps = [each["energies"]["dissipation"]["value"] for each in document["steps"]]
+        assert lost["steps"]["value"] == pytest.approx(of_steps)
         assert lost["total"]["value"] == pytest.approx(sum(lost["steps"]["value"]))
         assert lost["total"]["unit"] == document["steps"][0]["units"]["energy"]
         assert "<svg" in (tmp_path / "loop.svg").read_text(encoding="utf-8")

@@ -200,11 +200,7 @@ temperature = "dT * x * t"
 constants = { dT = 10.0 }
 mesh = { x = [0, 1, 2], y = [0, 0.5, 1] }
 displacements = [{ edges = "left", x = 0, y = 0 }]
-tractions = [
-    { edges = "top", x = 0, y = 0 },
-    { edges = "bottom", x = 0, y = 0 },
-    { edges = "right", x = 0, y = 0 },
-]
+tractions = [{ edges = "top", x = 0, y = 0 }, { edges = "bottom", x = 0, y = 0 }, { edges = "right", x = 0, y = 0 }]
 history = { times = [0.0, 1.0] }
 
 [material]

