@@ -21,16 +21,17 @@ from typing import ClassVar, TypeAlias
 
 import numpy as np
 from scipy.sparse import csc_array, diags_array, eye_array, vstack
+from scipy.sparse.linalg import norm
 
 from solvers.basics.checks import real_array
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
-from solvers.basics.types import BoolVector, IntVector, Vector
+from solvers.basics.types import BoolVector, IntVector, Sparse, Vector
 from solvers.certificate.certificate import certify, scales_at
 from solvers.certificate.feasibility import PROOF_SECONDS, Feasibility, check_feasibility, refuted
 from solvers.errors import InputError
 from solvers.inequality.problem import Compliance, FrictionQVI
-from solvers.inequality.rows import basis, largest
+from solvers.inequality.rows import basis, largest, most
 from solvers.inner.linear_program import BackendFailure, attempt
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 from solvers.inner.registry import make_inner, versions
@@ -54,7 +55,8 @@ CONDENSED_LIMIT = 2000
 """Rows of B, 2m, up to which "auto" condenses."""
 
 _LEAST_SHARE = 1e-14
-"""Eigenvalues of the compliance below this share of its largest one are rounding, of dependent rows or equations."""
+"""Eigenvalues of the compliance, for rows of length one, below this share of its largest one are rounding: of dependent
+rows, or of rows that equations fix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +82,7 @@ class FullForm:
         equations = rows.nonzero()[0]
         equations = equations[basis(qvi.T[equations]).rows]
         chosen, has_friction = qvi.T[equations], np.where(rows, 0.0, 1.0)
-        sizes = np.sqrt(np.asarray(chosen.multiply(chosen).sum(axis=1)).ravel())
+        sizes = _lengths(chosen)
         A = csc_array(vstack([qvi.A, diags_array(1.0 / sizes) @ chosen]))
         contact = replace(qvi.contact, T=csc_array(diags_array(has_friction) @ qvi.T), A=A, traces=None)
         b = np.concatenate([qvi.b, -qvi.t0[equations] / sizes])
@@ -106,6 +108,12 @@ class FullForm:
         return replace(result, m_T=m_T, nu=result.nu[:p])
 
 
+def _lengths(rows: Sparse) -> Vector:
+    """Lengths of rows, 1 in the place of 0."""
+    lengths = np.asarray(norm(rows, axis=1))
+    return np.where(lengths > 0.0, lengths, 1.0)
+
+
 class CondensedForm:
     """min ½|w|²  s.t.  σ_bonded,N + V_N w ≤ 0,  |σ_bonded,T + V_T w| ≤ thr; at the minimum w = −Vᵀ m."""
 
@@ -114,9 +122,12 @@ class CondensedForm:
     def __init__(self, full: FullForm) -> None:
         qvi = full.problem
         self._full, self._compliance = full, Compliance(qvi)
-        values, vectors = np.linalg.eigh(self._compliance.dense)
-        is_positive = values > _LEAST_SHARE * values.max(initial=0.0)
-        self._V = vectors[:, is_positive] * np.sqrt(values[is_positive])
+        lengths = _lengths(qvi.contact_rows)
+        C = self._compliance.dense / np.outer(lengths, lengths)
+        values, vectors = np.linalg.eigh(C)
+        least = _LEAST_SHARE * most(values)
+        self._V = lengths[:, None] * vectors[:, values > least] * np.sqrt(values[values > least])
+        self._V[C.diagonal() <= least] = 0.0  # equations fix these tractions; inner solvers may scale up what is left
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI.from_arrays(
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],

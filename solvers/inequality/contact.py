@@ -130,12 +130,12 @@ class CondensedContact:
     ) -> tuple[Vector, Vector, float]:
         """The z (n,) and ν (p,) with gradient(z) + Aᵀν = 0 and A z = b, from those of a solve by a step of this `size`.
 
-        Defect corrections by the accurate gradient remove the rounding error of K. They end when the next one, predicted
-        by linear convergence, is below `_LEAST_CORRECTION`, or when one is not below half the one before, which is not
-        added. The first is always computed, as its size depends on the load. The third value is the size of the last
-        one. Sizes are energy norms √(dzᵀK dz).
+        Defect corrections by the accurate gradient remove the rounding error of K. The first is always computed, as its
+        size depends on the load. They end when the next one, predicted by linear convergence, is below
+        `_LEAST_CORRECTION`, or when one is not below half the one before, which is not added. The third value is the
+        size of the last one. Sizes are energy norms √(dzᵀK dz).
         """
-        A, before, last = self.contact.A, size, np.inf
+        A, before, last = self.contact.A, size, size
         for _ in range(_MOST_CORRECTIONS):
             residual, violation = gradient(z) + A.T @ nu, b - A @ z
             dz, dnu = self.system.solve(-residual, violation)
