@@ -26,7 +26,7 @@ from scipy.sparse.linalg import norm
 from solvers.basics.checks import real_array
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
-from solvers.basics.types import BoolVector, IntVector, Sparse, Vector
+from solvers.basics.types import BoolVector, IntVector, Vector
 from solvers.certificate.certificate import certify, scales_at
 from solvers.certificate.feasibility import PROOF_SECONDS, Feasibility, check_feasibility, refuted
 from solvers.errors import InputError
@@ -82,7 +82,7 @@ class FullForm:
         equations = rows.nonzero()[0]
         equations = equations[basis(qvi.T[equations]).rows]
         chosen, has_friction = qvi.T[equations], np.where(rows, 0.0, 1.0)
-        sizes = _lengths(chosen)
+        sizes = np.asarray(norm(chosen, axis=1))
         A = csc_array(vstack([qvi.A, diags_array(1.0 / sizes) @ chosen]))
         contact = replace(qvi.contact, T=csc_array(diags_array(has_friction) @ qvi.T), A=A, traces=None)
         b = np.concatenate([qvi.b, -qvi.t0[equations] / sizes])
@@ -108,12 +108,6 @@ class FullForm:
         return replace(result, m_T=m_T, nu=result.nu[:p])
 
 
-def _lengths(rows: Sparse) -> Vector:
-    """Lengths of rows, 1 in the place of 0."""
-    lengths = np.asarray(norm(rows, axis=1))
-    return np.where(lengths > 0.0, lengths, 1.0)
-
-
 class CondensedForm:
     """min ½|w|²  s.t.  σ_bonded,N + V_N w ≤ 0,  |σ_bonded,T + V_T w| ≤ thr; at the minimum w = −Vᵀ m."""
 
@@ -122,7 +116,8 @@ class CondensedForm:
     def __init__(self, full: FullForm) -> None:
         qvi = full.problem
         self._full, self._compliance = full, Compliance(qvi)
-        lengths = _lengths(qvi.contact_rows)
+        lengths = np.asarray(norm(qvi.contact_rows, axis=1))
+        lengths[lengths == 0.0] = 1.0
         C = self._compliance.dense / np.outer(lengths, lengths)
         values, vectors = np.linalg.eigh(C)
         least = _LEAST_SHARE * most(values)

@@ -103,10 +103,7 @@ def test_restart_when_the_first_bound_is_too_small():
 
 def test_no_solution_though_the_admissible_set_is_not_empty():
     """Shear 1 prescribed, nothing presses: p = 0 carries no shear, p > 0 leaves the gap open."""
-    qvi = FrictionQVI.from_arrays(
-        K=np.eye(2), f=np.zeros(2), N=np.array([[-1.0, 0.0]]), n0=[0.0], T=np.array([[0.0, 1.0]]), t0=[0.0],
-        mu=[0.3], W=[1.0], A=np.array([[0.0, 1.0]]), b=[1.0],
-    )  # fmt: skip
+    qvi = prescribed_shear().with_loads(f=np.zeros(2), b=[1.0])
     solution = solve_qvi(qvi, inner=INNER)
     assert (solution.status, solution.farkas) == (Status.INNER_INFEASIBLE, None)
     assert len(solution.history) <= 7  # no pressure on a sixteenth of the way will do: no hope for others
