@@ -82,7 +82,7 @@ class FullForm:
         equations = rows.nonzero()[0]
         equations = equations[basis(qvi.T[equations]).rows]
         chosen, has_friction = qvi.T[equations], np.where(rows, 0.0, 1.0)
-        sizes = np.asarray(norm(chosen, axis=1))
+        sizes = np.asarray(norm(chosen, axis=1), dtype=np.float64)
         A = csc_array(vstack([qvi.A, diags_array(1.0 / sizes) @ chosen]))
         contact = replace(qvi.contact, T=csc_array(diags_array(has_friction) @ qvi.T), A=A, traces=None)
         b = np.concatenate([qvi.b, -qvi.t0[equations] / sizes])
@@ -101,8 +101,6 @@ class FullForm:
         """The result in the original rows: m_T = ν of the equations, 0 in the rows that depend on them."""
         if self.problem.bilateral.any():
             result = replace(result, m_N=np.where(self.problem.bilateral, 0.0, result.m_N))
-        if not self.rows.any():
-            return result
         p, m_T = len(result.nu) - len(self.equations), np.where(self.rows, 0.0, result.m_T)
         m_T[self.equations] = result.nu[p:] / self.sizes
         return replace(result, m_T=m_T, nu=result.nu[:p])
