@@ -99,11 +99,10 @@ class FullForm:
 
     def expand(self, result: InnerSolution) -> InnerSolution:
         """The result in the original rows: m_T = ν of the equations, 0 in the rows that depend on them."""
-        if self.problem.bilateral.any():
-            result = replace(result, m_N=np.where(self.problem.bilateral, 0.0, result.m_N))
+        m_N = np.where(self.problem.bilateral, 0.0, result.m_N)
         p, m_T = len(result.nu) - len(self.equations), np.where(self.rows, 0.0, result.m_T)
         m_T[self.equations] = result.nu[p:] / self.sizes
-        return replace(result, m_T=m_T, nu=result.nu[:p])
+        return replace(result, m_N=m_N, m_T=m_T, nu=result.nu[:p])
 
 
 class CondensedForm:
