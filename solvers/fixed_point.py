@@ -21,6 +21,7 @@ from typing import ClassVar, TypeAlias
 
 import numpy as np
 from scipy.sparse import csc_array, diags_array, eye_array, vstack
+from scipy.sparse.linalg import norm
 
 from solvers.basics.checks import real_array
 from solvers.basics.progress import Progress, deadline, report
@@ -30,7 +31,7 @@ from solvers.certificate.certificate import certify, scales_at
 from solvers.certificate.feasibility import PROOF_SECONDS, Feasibility, check_feasibility, refuted
 from solvers.errors import InputError
 from solvers.inequality.problem import Compliance, FrictionQVI
-from solvers.inequality.rows import basis, largest
+from solvers.inequality.rows import basis, largest, most
 from solvers.inner.linear_program import BackendFailure, attempt
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 from solvers.inner.registry import make_inner, versions
@@ -54,7 +55,8 @@ CONDENSED_LIMIT = 2000
 """Rows of B, 2m, up to which "auto" condenses."""
 
 _LEAST_SHARE = 1e-14
-"""Eigenvalues of the compliance below this share of its largest one are rounding, of dependent rows or equations."""
+"""Eigenvalues of the compliance, for rows of length one, below this share of its largest one are rounding: of dependent
+rows, or of rows that equations fix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +82,7 @@ class FullForm:
         equations = rows.nonzero()[0]
         equations = equations[basis(qvi.T[equations]).rows]
         chosen, has_friction = qvi.T[equations], np.where(rows, 0.0, 1.0)
-        sizes = np.sqrt(np.asarray(chosen.multiply(chosen).sum(axis=1)).ravel())
+        sizes = np.asarray(norm(chosen, axis=1), dtype=np.float64)
         A = csc_array(vstack([qvi.A, diags_array(1.0 / sizes) @ chosen]))
         contact = replace(qvi.contact, T=csc_array(diags_array(has_friction) @ qvi.T), A=A, traces=None)
         b = np.concatenate([qvi.b, -qvi.t0[equations] / sizes])
@@ -97,13 +99,10 @@ class FullForm:
 
     def expand(self, result: InnerSolution) -> InnerSolution:
         """The result in the original rows: m_T = ν of the equations, 0 in the rows that depend on them."""
-        if self.problem.bilateral.any():
-            result = replace(result, m_N=np.where(self.problem.bilateral, 0.0, result.m_N))
-        if not self.rows.any():
-            return result
+        m_N = np.where(self.problem.bilateral, 0.0, result.m_N)
         p, m_T = len(result.nu) - len(self.equations), np.where(self.rows, 0.0, result.m_T)
         m_T[self.equations] = result.nu[p:] / self.sizes
-        return replace(result, m_T=m_T, nu=result.nu[:p])
+        return replace(result, m_N=m_N, m_T=m_T, nu=result.nu[:p])
 
 
 class CondensedForm:
@@ -114,9 +113,13 @@ class CondensedForm:
     def __init__(self, full: FullForm) -> None:
         qvi = full.problem
         self._full, self._compliance = full, Compliance(qvi)
-        values, vectors = np.linalg.eigh(self._compliance.dense)
-        is_positive = values > _LEAST_SHARE * values.max(initial=0.0)
-        self._V = vectors[:, is_positive] * np.sqrt(values[is_positive])
+        lengths = np.asarray(norm(qvi.contact_rows, axis=1))
+        lengths[lengths == 0.0] = 1.0
+        C = self._compliance.dense / np.outer(lengths, lengths)
+        values, vectors = np.linalg.eigh(C)
+        least = _LEAST_SHARE * most(values)
+        self._V = lengths[:, None] * vectors[:, values > least] * np.sqrt(values[values > least])
+        self._V[C.diagonal() <= least] = 0.0  # equations fix these tractions; inner solvers may scale up what is left
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI.from_arrays(
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],

@@ -192,8 +192,7 @@ def _ill_conditioned(qvi: FrictionQVI) -> Outcome | None:
 
 def _linear(qvi: FrictionQVI, method: str) -> Tries:
     """The bonded solution, for a problem without contact points or without unknowns."""
-    z, zero = qvi.bonded, np.zeros(qvi.m)
-    _, nu = qvi.linear_system.solve(-qvi.gradient(z))
+    (z, nu, _), zero = qvi.bonded_state.corrected, np.zeros(qvi.m)
     reason = Status.SOLVED if qvi.m == 0 else Status.INFEASIBLE  # unless the certificate passes
     yield Attempt(method, "", reason, 0), Outcome(reason, z, zero, zero, nu, versions=versions(("scipy",)))
 

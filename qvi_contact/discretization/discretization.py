@@ -31,7 +31,7 @@ from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
 from qvi_contact.discretization.scaling import Scales, held_stress
 from qvi_contact.discretization.space import EdgeRule, LawOn, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
-from qvi_contact.element.hsieh_clough_tocher import HIGHEST, LOWEST, hsieh_clough_tocher
+from qvi_contact.element.hsieh_clough_tocher import HIGHEST, LOWEST
 from qvi_contact.errors import InputError, refuse_arguments
 from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
@@ -218,9 +218,8 @@ def discretize(
     if law_on is not None and (not isinstance(law_on, str) or law_on not in get_args(LawOn)):
         raise InputError("law_on", law_on, "give 'edges' or 'points'")
     chosen = _DEGREE if degree is None else whole_number("degree", degree, HIGHEST, LOWEST)
-    _ = hsieh_clough_tocher(chosen)  # raises InputError for other degrees
     by_default: LawOn = "points" if laws_vary(problem) else "edges"
-    mesh, rule = problem.mesh, edge_rule(law_on or by_default, int(chosen))
+    mesh, rule = problem.mesh, edge_rule(law_on or by_default, chosen)
     space = mesh.kept(StressSpace, chosen, lambda: StressSpace(mesh.bare, chosen))
     return _discretized(problem, space, rule, scales or Scales.of(problem))
 

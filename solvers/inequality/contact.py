@@ -124,31 +124,28 @@ class CondensedContact:
     def __init__(self, contact: ContactMatrices, factor: Factorisation) -> None:
         self.contact = contact
         self.system = EqualitySystem(contact.A, factor)
-        self._contraction = np.inf  # error of a solve over its size, in the energy norm, once it was measured
 
     def corrected(
         self, gradient: Callable[[Vector], Vector], b: Vector, z: Vector, nu: Vector, size: float
     ) -> tuple[Vector, Vector, float]:
         """The z (n,) and ν (p,) with gradient(z) + Aᵀν = 0 and A z = b, from those of a solve by a step of this `size`.
 
-        Defect corrections by the accurate gradient remove the rounding error of K. They end when the next one,
-        predicted from earlier ones, is below `_LEAST_CORRECTION`, or when one is not below half the one before, which
-        is not added. The third value is the size of the last one, or the prediction. Sizes are energy norms √(dzᵀK dz).
+        Defect corrections by the accurate gradient remove the rounding error of K. The first is always computed, as its
+        size depends on the load. They end when the next one, predicted by linear convergence, is below
+        `_LEAST_CORRECTION`, or when one is not below half the one before, which is not added. The third value is the
+        size of the last one. Sizes are energy norms √(dzᵀK dz).
         """
-        A, before, last = self.contact.A, size, self._contraction * size
-        predicted = last
+        A, before, last = self.contact.A, size, size
         for _ in range(_MOST_CORRECTIONS):
-            if predicted <= _LEAST_CORRECTION * size:
-                break
             residual, violation = gradient(z) + A.T @ nu, b - A @ z
             dz, dnu = self.system.solve(-residual, violation)
             last = sqrt(abs(dz @ residual + violation @ dnu))
             if not last < 0.5 * before:
                 break
-            z, nu, contraction = z + dz, nu + dnu, last / before
-            if self._contraction == np.inf:
-                self._contraction = contraction
-            before, predicted = last, contraction * last  # by linear convergence
+            z, nu = z + dz, nu + dnu
+            if last * last <= _LEAST_CORRECTION * size * before:
+                break
+            before = last
         return z, nu, last
 
     @cached_property

@@ -17,7 +17,7 @@ from solvers import FrictionQVI, InputError, Status, Stiffness, solve_qvi
 from solvers.condensed import USUAL_PATHS
 from solvers.inequality import TractionFactor, basis, echelon, trace_coordinates
 from tests.cases import every_pair, examples, thinned
-from tests.solvers.conftest import LAWS, Root, chain, mixed_problem, one_contact, random_problem
+from tests.solvers.conftest import LAWS, Root, chain, mixed_problem, one_contact, random_problem, two_contacts
 from tests.solvers.test_laws import violations
 
 
@@ -97,6 +97,14 @@ def test_defect_corrections_remove_errors_of_the_matrix(law, spoilt):
     assert condensed(rooted(3, 0.0, **LAWS[law])).corrections[0] < 1e-12
 
 
+def test_how_accurate_a_linear_solve_is_depends_on_the_load():
+    """The load acts on the first contact alone, where K is exact; the other one opens."""
+    f = np.array([2.0, 0.4, 0.0, 0.0])
+    loads = replace(two_contacts().loads, f=f, n0=np.array([0.0, 0.5]), root=Root(np.eye(4)), load=f)
+    qvi = replace(two_contacts(), stiffness=Stiffness(np.diag([1.0, 1.0, 1.0001, 1.0001])), loads=loads)
+    assert solve_qvi(qvi, "pivoting").certificate.accuracy < 1e-12
+
+
 @pytest.mark.parametrize("method", ["condensed", "fixed-point", None])
 @pytest.mark.parametrize("spoilt", [0.03, 0.3])
 def test_a_matrix_too_wrong_is_no_answer(method, spoilt):
@@ -143,20 +151,13 @@ def test_rounding_of_the_slacks_is_no_residual(close, seed):
     assert condensed(close_rows(seed, close)).iterations < 60
 
 
-def bilateral_pair(load, mu):
-    """Two uncoupled bilateral points with the loads (σ_N, σ_T) each."""
-    return FrictionQVI.from_arrays(
-        K=np.eye(4), f=load, N=-np.eye(4)[[0, 2]], n0=np.zeros(2), T=np.eye(4)[[1, 3]], t0=np.zeros(2),
-        mu=np.full(2, mu), W=np.array([0.5, 2.0]), bilateral=np.full(2, True),
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("mu", [0.3, 3.0])
 @pytest.mark.parametrize("normal", [0.0, 1e-9, -1e-5])
 @pytest.mark.parametrize("shear", [0.0, 1.0])
 def test_bilateral_points_at_the_kink(normal, shear, mu):
     """A point without pressure has no friction, and the other one all the same."""
-    found = condensed(bilateral_pair(np.array([2.0, 3.0, normal, shear]), mu))
+    law = {"mu": np.full(2, mu), "bilateral": np.full(2, True)}
+    found = condensed(two_contacts().with_loads(f=np.array([2.0, 3.0, normal, shear])).with_law(**law))
     expected = [2.0, min(3.0, 2.0 * mu), normal, min(shear, mu * abs(normal))]
     assert found.z == pytest.approx(expected, abs=3e-9)
     assert found.iterations < 60

@@ -14,8 +14,6 @@ from solvers.inner import Centre, make_inner
 from tests.solvers.conftest import dragged_block, mixed_problem, one_contact, prescribed_shear, random_problem
 
 INNER = "direct:clarabel"
-
-
 STATES = {
     "open": ((1.0, -0.5), (0.0, 0.0)),
     "stick": ((-1.0, 0.1), (3.0, -2.5)),  # −K⁻¹q
@@ -83,9 +81,7 @@ def test_infeasible_with_proof(inner, shear):
 
 def test_a_false_proof_is_refused():
     qvi = dragged_block(0.5)
-    proof = check_feasibility(qvi).farkas
-    assert proof is not None
-    y, nu = proof
+    y, nu = check_feasibility(qvi).farkas
     assert not is_farkas(qvi, -y, nu)
     assert not is_farkas(qvi, y, 1.001 * nu)
     assert not is_farkas(qvi, np.full_like(y, np.nan), nu)
@@ -103,10 +99,7 @@ def test_restart_when_the_first_bound_is_too_small():
 
 def test_no_solution_though_the_admissible_set_is_not_empty():
     """Shear 1 prescribed, nothing presses: p = 0 carries no shear, p > 0 leaves the gap open."""
-    qvi = FrictionQVI.from_arrays(
-        K=np.eye(2), f=np.zeros(2), N=np.array([[-1.0, 0.0]]), n0=[0.0], T=np.array([[0.0, 1.0]]), t0=[0.0],
-        mu=[0.3], W=[1.0], A=np.array([[0.0, 1.0]]), b=[1.0],
-    )  # fmt: skip
+    qvi = prescribed_shear().with_loads(f=np.zeros(2), b=[1.0])
     solution = solve_qvi(qvi, inner=INNER)
     assert (solution.status, solution.farkas) == (Status.INNER_INFEASIBLE, None)
     assert len(solution.history) <= 7  # no pressure on a sixteenth of the way will do: no hope for others
@@ -186,18 +179,26 @@ def test_few_residuals_gaps_and_what_has_no_inner_problem_do_not_count(contracti
 
 
 def partly_frictionless(seed, equalities=0):
-    """Every other row without friction, two of them equal to each other."""
+    """Every other row without friction; one of them fixes two others, and one row is zero."""
     qvi = random_problem(seed, equalities=equalities)
     T, t0, mu = qvi.T.toarray(), np.array(qvi.t0), np.array(qvi.mu)
     mu[::2] = 0.0
-    T[2], t0[2] = 2.0 * T[0], 2.0 * t0[0]
+    T[1], T[2], T[3], t0[1], t0[2] = T[0], 2.0 * T[0], 0.0, t0[0], 2.0 * t0[0]
     return qvi.with_contact(T=T).with_loads(t0=t0).with_law(mu=mu)
 
 
+def in_other_units(seed, equalities=0):
+    """The tractions of each point in another unit."""
+    qvi = random_problem(seed, equalities=equalities)
+    unit = np.where(np.arange(qvi.m) % 2, 1e-4, 1e4)
+    N, T = (unit[:, None] * rows.toarray() for rows in (qvi.N, qvi.T))
+    return qvi.with_contact(N=N, T=T).with_loads(n0=unit * qvi.n0, t0=unit * qvi.t0)
+
+
 @pytest.mark.parametrize("equalities", [0, 2])
-@pytest.mark.parametrize("make", [random_problem, partly_frictionless])
+@pytest.mark.parametrize("make", [random_problem, partly_frictionless, in_other_units])
 def test_forms_agree(make, equalities):
-    qvi = make(3, equalities=equalities)
+    qvi = make(5, equalities=equalities)
     full, condensed = (solve_qvi(qvi, inner="direct:clarabel", form=form) for form in ("full", "condensed"))
     assert full.status is condensed.status is Status.SOLVED
     assert (full.form, condensed.form) == ("full", "condensed")
@@ -220,7 +221,7 @@ def test_condensed_tractions_and_energy_are_those_of_the_unknowns():
 
 
 def test_frictionless_rows_become_independent_equations():
-    qvi = partly_frictionless(1)
+    qvi = partly_frictionless(2)
     reduced = FullForm.of(qvi)
     assert reduced.problem.p == 3  # four rows, two of them dependent
     assert not reduced.problem.T[::2].toarray().any()
