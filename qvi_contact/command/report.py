@@ -167,11 +167,16 @@ def cells(
     return [shown(value, digits=digits) for value in cleaned]
 
 
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     """The document of `outline` as lines of text."""
     mesh = outline["mesh"]
     yield (
-        f"mesh: {mesh['cells']} triangles, edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} long; "
+        f"mesh: {_counted(mesh['cells'], 'triangle')}, edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} "
+        f"{units.length} long; "
         f"x from {mesh['x'][0]:.9g} to {mesh['x'][1]:.9g}, y from {mesh['y'][0]:.9g} to {mesh['y'][1]:.9g}"
     )
     element = outline["element"]
@@ -180,7 +185,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     for material in outline["materials"]:
         yield (
             f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
-            f"plane {material['plane']}, {material['cells']} cells"
+            f"plane {material['plane']}, {_counted(material['cells'], 'cell')}"
             + "".join(f", {_toml({name: value})}" for name, value in material.items() if name not in _ELASTIC)
         )
     if outline["temperature"] != 0.0:
@@ -307,16 +312,17 @@ def limit_sentence(limit: LimitLoad) -> str:
         return "no multiple can be carried"
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
-    sides = ("at least", limit.lower), ("at most", limit.upper)
-    numbers = " and ".join(f"{side} about {_multiple(factor)}" for side, factor in sides if math.isfinite(factor))
+    lower, upper = _multiples(limit)
+    sides = ("at least", limit.lower, lower), ("at most", limit.upper, upper)
+    numbers = " and ".join(f"{side} about {text}" for side, factor, text in sides if math.isfinite(factor))
     if numbers and not limit.guaranteed:
         return (
             f"the body carries {numbers} these loads; these are estimates, not bounds, because sides are arcs or the "
             "body force is not a polynomial on the mesh"
         )
-    mesh, body = f"this mesh carries {_multiple(limit.lower)} these loads", "the body has no upper limit"
+    mesh, body = f"this mesh carries {lower} these loads", "the body has no upper limit"
     if limit.upper < math.inf:
-        body = "no stress of the body carries more than " + _multiple(limit.upper)
+        body = f"no stress of the body carries more than {upper}"
     if not limit.in_time and limit.lower == -math.inf:
         return f"{body} these loads"
     return mesh if not limit.in_time and limit.upper == math.inf else f"{mesh}; {body}"
@@ -345,11 +351,15 @@ def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict
     return document
 
 
-def _multiple(factor: float) -> str:
-    """A factor in words."""
-    if math.isinf(factor):
-        return "any multiple of" if factor > 0.0 else "no multiple of"
-    return f"{factor + 0.0:.9g} times"
+def _multiples(limit: LimitLoad) -> Iterator[str]:
+    """Both factors in words, rounded outwards to a tenth of their distance or less, and to nine digits at most."""
+    distance = limit.upper - limit.lower
+    for factor, outwards in ((limit.lower, math.floor), (limit.upper, math.ceil)):
+        if 1e-7 * abs(limit.upper) < distance < math.inf:
+            step = 10.0 ** math.floor(math.log10(0.1 * distance))
+            factor = outwards(factor / step) * step
+        many = f"{factor + 0.0:.9g} times"
+        yield many if math.isfinite(factor) else "any multiple of" if factor > 0.0 else "no multiple of"
 
 
 _NOISE: Final = 1e-12  # a resultant below this share of the sum of the loads' magnitudes is rounding

@@ -11,6 +11,7 @@ import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, instance_of, positive_number, whole_number
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.errors import InputError, QVIError, SolveError
 from qvi_contact.limit.load_factor import LimitLoad, checked_loads
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -46,7 +47,7 @@ _ROUNDS: Final = 60  # default of `max_rounds`
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Outcome:
+class Outcome(WithFields):
     """The quantity of a refinement, its error, and the way to it."""
 
     status: RefinementStatus
