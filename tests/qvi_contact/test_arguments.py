@@ -14,43 +14,27 @@ from hypothesis import strategies as st
 
 import qvi_contact
 from qvi_contact import (
-    Contact,
-    ContactProblem,
     Corner,
     Displacement,
     Expression,
     InputError,
-    Material,
-    Polynomial,
     QVIError,
-    Region,
     Settings,
-    Symmetry,
-    Traction,
     TriangleMesh,
     discretize,
     graded_lines,
-    limit_load_factor,
-    limit_proof,
-    load_problem,
-    load_result,
-    loop_area,
-    principal_stresses,
-    read_sweep,
-    refine,
-    save_problem,
-    solve,
-    solve_companion,
-    solve_history,
-    solve_sweep,
-    strength_reduction_factor,
 )
 from qvi_contact.bracket import bracket
+from qvi_contact.companion import solve_companion
 from qvi_contact.element import hsieh_clough_tocher
 from qvi_contact.export import write_json, write_npz, write_vtu
-from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.files import load_problem, load_result, problem_from_toml, problem_to_toml, save_problem
 from qvi_contact.gallery import compressed_plate, jointed_slope, masonry_wall, stick_slip_block
+from qvi_contact.limit import limit_load_factor, limit_proof, strength_reduction_factor
 from qvi_contact.plots import history_figure, limit_figure, problem_figure, require_matplotlib, result_figure
+from qvi_contact.problem import Contact, ContactProblem, Material, Polynomial, Region, Symmetry, Traction
+from qvi_contact.refinement import refine
+from qvi_contact.solution import loop_area, principal_stresses, read_sweep, solve, solve_history, solve_sweep
 from solvers import solve_qvi
 
 PLATE = compressed_plate(0.3, (2, 2))

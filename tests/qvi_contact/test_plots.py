@@ -12,19 +12,11 @@ from matplotlib.patches import Polygon
 from matplotlib.quiver import Quiver
 from scipy.integrate import trapezoid
 
-from qvi_contact import (
-    ContactState,
-    History,
-    InputError,
-    LimitLoad,
-    TriangleMesh,
-    limit_load_factor,
-    load_problem,
-    principal_stresses,
-    solve,
-)
+from qvi_contact import ContactState, History, InputError, LimitLoad, Tresca, TriangleMesh, principal_stresses, solve
 from qvi_contact.element import gauss_legendre
+from qvi_contact.files import load_problem
 from qvi_contact.gallery import compressed_plate, exact, half_discs, jointed_slope
+from qvi_contact.limit import limit_load_factor
 from qvi_contact.plots import (
     Scales,
     Shape,
@@ -47,9 +39,8 @@ from qvi_contact.problem import (
     Region,
     Symmetry,
     Traction,
-    Tresca,
     stress_along_z,
-)  # fmt: skip
+)
 from qvi_contact.solution import ContactLine, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
