@@ -86,10 +86,8 @@ class Series(NamedTuple):
         if self.label != "t":
             return {self.label: list(self.values), "steps": list(summaries)}
         lost = self.results.dissipated
-        dissipated = {
-            "total": {"value": float(lost.sum()), "unit": units.energy},
-            "steps": {"value": lost.tolist(), "unit": units.energy},
-        }
+        values = {"total": float(lost.sum()), "steps": lost.tolist()}
+        dissipated = {name: {"value": value, "unit": units.energy} for name, value in values.items()}
         return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
     def lines(self, units: Units) -> Iterator[str]:
@@ -167,16 +165,12 @@ def cells(
     return [shown(value, digits=digits) for value in cleaned]
 
 
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"
-
-
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     """The document of `outline` as lines of text."""
     mesh = outline["mesh"]
     yield (
-        f"mesh: {_counted(mesh['cells'], 'triangle')}, edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} "
-        f"{units.length} long; "
+        f"mesh: {mesh['cells']} triangle{'s'[: mesh['cells'] - 1]}, "
+        f"edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} long; "
         f"x from {mesh['x'][0]:.9g} to {mesh['x'][1]:.9g}, y from {mesh['y'][0]:.9g} to {mesh['y'][1]:.9g}"
     )
     element = outline["element"]
@@ -185,7 +179,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     for material in outline["materials"]:
         yield (
             f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
-            f"plane {material['plane']}, {_counted(material['cells'], 'cell')}"
+            f"plane {material['plane']}, {material['cells']} cell{'s'[: material['cells'] - 1]}"
             + "".join(f", {_toml({name: value})}" for name, value in material.items() if name not in _ELASTIC)
         )
     if outline["temperature"] != 0.0:
@@ -312,20 +306,24 @@ def limit_sentence(limit: LimitLoad) -> str:
         return "no multiple can be carried"
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
-    lower, upper = _multiples(limit)
-    sides = ("at least", limit.lower, lower), ("at most", limit.upper, upper)
-    numbers = " and ".join(f"{side} about {text}" for side, factor, text in sides if math.isfinite(factor))
+    lower, upper = limit.lower, limit.upper
+    if 1e-7 * abs(upper) < upper - lower < math.inf:  # outwards, to a tenth of their distance or less
+        step = 10.0 ** math.floor(math.log10(0.1 * (upper - lower)))
+        lower, upper = math.floor(lower / step) * step, math.ceil(upper / step) * step
+    sides = ("at least", lower), ("at most", upper)
+    numbers = " and ".join(f"{side} about {factor:.9g} times" for side, factor in sides if math.isfinite(factor))
     if numbers and not limit.guaranteed:
         return (
             f"the body carries {numbers} these loads; these are estimates, not bounds, because sides are arcs or the "
             "body force is not a polynomial on the mesh"
         )
-    mesh, body = f"this mesh carries {lower} these loads", "the body has no upper limit"
-    if limit.upper < math.inf:
-        body = f"no stress of the body carries more than {upper}"
-    if not limit.in_time and limit.lower == -math.inf:
+    mesh = f"this mesh carries {'no multiple of' if lower == -math.inf else f'{lower:.9g} times'} these loads"
+    body = "the body has no upper limit"
+    if upper < math.inf:
+        body = f"no stress of the body carries more than {upper:.9g} times"
+    if not limit.in_time and lower == -math.inf:
         return f"{body} these loads"
-    return mesh if not limit.in_time and limit.upper == math.inf else f"{mesh}; {body}"
+    return mesh if not limit.in_time and upper == math.inf else f"{mesh}; {body}"
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
@@ -349,17 +347,6 @@ def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict
             "message": refinement.message,
         }
     return document
-
-
-def _multiples(limit: LimitLoad) -> Iterator[str]:
-    """Both factors in words, rounded outwards to a tenth of their distance or less, and to nine digits at most."""
-    distance = limit.upper - limit.lower
-    for factor, outwards in ((limit.lower, math.floor), (limit.upper, math.ceil)):
-        if 1e-7 * abs(limit.upper) < distance < math.inf:
-            step = 10.0 ** math.floor(math.log10(0.1 * distance))
-            factor = outwards(factor / step) * step
-        many = f"{factor + 0.0:.9g} times"
-        yield many if math.isfinite(factor) else "any multiple of" if factor > 0.0 else "no multiple of"
 
 
 _NOISE: Final = 1e-12  # a resultant below this share of the sum of the loads' magnitudes is rounding

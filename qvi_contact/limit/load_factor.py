@@ -47,11 +47,8 @@ _CLOSE: Final = 1e-6  # logarithm of the factor's width at which a search may en
 class LimitLoad(float, WithFields):
     """Result of a limit analysis: `lower`, the load factor that the mesh carries, as a number with further fields.
 
-    Notes
-    -----
     Where stresses of the mesh cannot follow prescribed tractions point by point, `lower` belongs to tractions with the
     same resultants on every edge.
-
     """
 
     lower: float
