@@ -55,7 +55,7 @@ nitpick_ignore_regex = [
     (r"py:.*", r"(str|int|float|bool|None|object|tuple|list|dict|Path|Mapping|Sequence|Callable|Iterable|Iterator)"),
     (r"py:.*", "|".join(_ALIASES)),  # in a table of api/problem.md
     # parts that nobody outside needs
-    (r"py:class", r"qvi_contact\.(units\.Rounding|mesh\.curves\.MeshParts)"),
+    (r"py:class", r"qvi_contact\.(units\.Rounding|mesh\.curves\.MeshParts|plots\.style\.Labels)"),
     (r"py:class", r"(ContactRows|EdgeRule|Key|Name|Parameter|PlateRows|Root|Scales|Side|Spot|StressSpace|Supports)"),
     (r"py:class", r"qvi_contact\.(discretization|element|basics\.schema|files\.problem_file)\.(\w+\.)?\w+"),
     (

@@ -100,7 +100,10 @@ def _made_small(path: Path) -> None:
 
 
 def _run(path: Path, *words: str) -> tuple[int | None, str]:
-    """Exit status and output of Python with these words, for a file; no status if it took too long."""
+    """Exit status and output of Python with these words, for a file; no status if it took too long.
+
+    Lines of progress and errors, on the other stream, are not shown.
+    """
     threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     environment = {**os.environ, **threads, "PYTHONIOENCODING": "utf-8"}
     try:
@@ -109,10 +112,10 @@ def _run(path: Path, *words: str) -> tuple[int | None, str]:
         )
     except subprocess.TimeoutExpired:
         return None, f"given up after {_SECONDS:.0f} s"
-    output = done.stdout.decode() + done.stderr.decode()
-    if done.returncode == 2 or "Traceback" in output:
-        raise RuntimeError(f"{path.name}: {output}")
-    return done.returncode, output.rstrip()
+    errors = done.stderr.decode()
+    if done.returncode == 2 or "Traceback" in errors:
+        raise RuntimeError(f"{path.name}: {errors}")
+    return done.returncode, done.stdout.decode().rstrip()
 
 
 def section(example: Shown, folder: str) -> str:

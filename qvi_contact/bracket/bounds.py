@@ -18,7 +18,7 @@ import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number, instance_of
-from qvi_contact.basics.schema import keys_of
+from qvi_contact.basics.schema import WithFields, keys_of
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind
 from qvi_contact.bracket.parts import LOOSEST, Bounds, CellFields, EdgeParts, EdgeTractions, coefficients, edge_parts
@@ -357,7 +357,7 @@ def _assemble(
 
 
 @dataclass(frozen=True, eq=False)
-class Branches:
+class Branches(WithFields):
     """Certified solutions of one discrete problem."""
 
     results: tuple[ContactResult, ...]

@@ -17,6 +17,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.bracket.norms import (
     LARGEST,
     FrictionNorm,
@@ -40,7 +41,7 @@ from qvi_contact.solution.stress import rest_on_arcs
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CoulombBounds:
+class CoulombBounds(WithFields):
     """Bounds of the errors under Coulomb's law.
 
     Let u, σ be any solution of the problem stated, τ the stress of the result and v the displacement of the bracket. In

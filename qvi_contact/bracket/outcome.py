@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.parts import Bounds, EdgeParts
 from qvi_contact.companion import CompanionResult
@@ -29,7 +30,7 @@ class BracketKind(Enum):
 
 
 @dataclass(frozen=True)
-class Uniqueness:
+class Uniqueness(WithFields):
     """How far another solution of the exact problem can be."""
 
     apart: float
@@ -42,7 +43,7 @@ class Uniqueness:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Bracket:
+class Bracket(WithFields):
     """Bounds of the energy of a contact problem, and where in the mesh they differ; see `bracket` for the formulas."""
 
     kind: BracketKind

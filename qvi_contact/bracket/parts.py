@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined, scaled_stress_at_rest
@@ -48,7 +49,7 @@ class Bounds(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class EdgeParts:
+class EdgeParts(WithFields):
     """Parts of the duality gap on the edges of one contact, (edges,) each, ≥ 0 [stress × length²]."""
 
     contact: FloatArray  #: ∫ −τ_N (g − v_N) ds: pressure where the displacement leaves a gap

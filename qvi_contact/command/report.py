@@ -86,10 +86,8 @@ class Series(NamedTuple):
         if self.label != "t":
             return {self.label: list(self.values), "steps": list(summaries)}
         lost = self.results.dissipated
-        dissipated = {
-            "total": {"value": float(lost.sum()), "unit": units.energy},
-            "steps": {"value": lost.tolist(), "unit": units.energy},
-        }
+        values = {"total": float(lost.sum()), "steps": lost.tolist()}
+        dissipated = {name: {"value": value, "unit": units.energy} for name, value in values.items()}
         return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
     def lines(self, units: Units) -> Iterator[str]:
@@ -171,7 +169,8 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     """The document of `outline` as lines of text."""
     mesh = outline["mesh"]
     yield (
-        f"mesh: {mesh['cells']} triangles, edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} long; "
+        f"mesh: {mesh['cells']} triangle{'s'[: mesh['cells'] - 1]}, "
+        f"edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} long; "
         f"x from {mesh['x'][0]:.9g} to {mesh['x'][1]:.9g}, y from {mesh['y'][0]:.9g} to {mesh['y'][1]:.9g}"
     )
     element = outline["element"]
@@ -180,7 +179,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     for material in outline["materials"]:
         yield (
             f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
-            f"plane {material['plane']}, {material['cells']} cells"
+            f"plane {material['plane']}, {material['cells']} cell{'s'[: material['cells'] - 1]}"
             + "".join(f", {_toml({name: value})}" for name, value in material.items() if name not in _ELASTIC)
         )
     if outline["temperature"] != 0.0:
@@ -307,19 +306,24 @@ def limit_sentence(limit: LimitLoad) -> str:
         return "no multiple can be carried"
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
-    sides = ("at least", limit.lower), ("at most", limit.upper)
-    numbers = " and ".join(f"{side} about {_multiple(factor)}" for side, factor in sides if math.isfinite(factor))
+    lower, upper = limit.lower, limit.upper
+    if 1e-7 * abs(upper) < upper - lower < math.inf:  # outwards, to a tenth of their distance or less
+        step = 10.0 ** math.floor(math.log10(0.1 * (upper - lower)))
+        lower, upper = math.floor(lower / step) * step, math.ceil(upper / step) * step
+    sides = ("at least", lower), ("at most", upper)
+    numbers = " and ".join(f"{side} about {factor:.9g} times" for side, factor in sides if math.isfinite(factor))
     if numbers and not limit.guaranteed:
         return (
             f"the body carries {numbers} these loads; these are estimates, not bounds, because sides are arcs or the "
             "body force is not a polynomial on the mesh"
         )
-    mesh, body = f"this mesh carries {_multiple(limit.lower)} these loads", "the body has no upper limit"
-    if limit.upper < math.inf:
-        body = "no stress of the body carries more than " + _multiple(limit.upper)
-    if not limit.in_time and limit.lower == -math.inf:
+    mesh = f"this mesh carries {'no multiple of' if lower == -math.inf else f'{lower:.9g} times'} these loads"
+    body = "the body has no upper limit"
+    if upper < math.inf:
+        body = f"no stress of the body carries more than {upper:.9g} times"
+    if not limit.in_time and lower == -math.inf:
         return f"{body} these loads"
-    return mesh if not limit.in_time and limit.upper == math.inf else f"{mesh}; {body}"
+    return mesh if not limit.in_time and upper == math.inf else f"{mesh}; {body}"
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
@@ -343,13 +347,6 @@ def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict
             "message": refinement.message,
         }
     return document
-
-
-def _multiple(factor: float) -> str:
-    """A factor in words."""
-    if math.isinf(factor):
-        return "any multiple of" if factor > 0.0 else "no multiple of"
-    return f"{factor + 0.0:.9g} times"
 
 
 _NOISE: Final = 1e-12  # a resultant below this share of the sum of the loads' magnitudes is rounding

@@ -198,8 +198,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         if target is None:
             limit_load = limit_load_factor(problem, loads=list(loads), verbose=verbose, **settings)
         else:
-            quantity = LimitFactor(list(loads))
-            refinement = refined(problem, target=target, quantity=quantity, verbose=verbose, **settings)
+            refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), verbose=verbose, **settings)
             limit_load, problem = refinement.limit, refinement.problem
     is_missed = refinement is not None and refinement.status != "reached"
     refined_lines = [] if refinement is None else [refinement.message, *[refinement.status.advice] * is_missed]
@@ -232,8 +231,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     complete = _write_files(targets, {"plot": plot, "vtk": vtk, "report": page, "proof": proof}, reasons)
     document = {"loads": list(loads), **report.limit_document(limit_load, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*lines, *proof_lines]))
-    is_found = limit_load.in_time and not is_missed and limit_load != -math.inf
-    return 2 if not complete else 0 if is_found else 1
+    return 2 if not complete else 0 if limit_load.in_time and not is_missed and limit_load != -math.inf else 1
 
 
 def _time_remark(file: ProblemFile) -> list[str]:
@@ -337,12 +335,11 @@ def _solve_series(
     if not file.times:
         with solving(file.title or "solve", verbose=verbose):
             return None, (solve_one(file.problem, **options, verbose=verbose),)
-    with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
-
-        def advance_step(number: int, _result: ContactResult) -> None:
-            advance(f"step {number} of {len(file.times)} solved", number)
-
-        history = qvi_contact.solve_history(file.problems, advance_step, store=store, **options, verbose=verbose)
+    with solving(file.title or "history", count := len(file.times), verbose=verbose) as advance:
+        history = qvi_contact.solve_history(
+            file.problems, lambda number, _: advance(f"step {number} of {count} solved", number),
+            store=store, **options, verbose=verbose,
+        )  # fmt: skip
     return report.Series(history, "t", file.times), history.steps
 
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, fraction
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
 from qvi_contact.companion.contact import VIOLATED, Contacts, admissible, dual_problem
 from qvi_contact.discretization.displacements import (
@@ -50,7 +51,7 @@ _DIGITS = 12  # digits of coordinates over the body's length by which coefficien
 
 
 @dataclass(frozen=True, eq=False)
-class CompanionContact:
+class CompanionContact(WithFields):
     """One contact in the displacement model; arrays over the n Bernstein coefficients of its trace, by x, then by y.
 
     A quantity at a coefficient is no value at a point: a displacement is the coefficient itself, a traction the mean
@@ -83,7 +84,7 @@ class CompanionContact:
 
 
 @dataclass(frozen=True, eq=False)
-class CompanionState:
+class CompanionState(WithFields):
     """A displacement that meets all conditions, dimensionless."""
 
     contacts: Contacts  # the contacts; arrays over their n coefficients
@@ -97,7 +98,7 @@ class CompanionState:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CompanionResult(PicklesFields):
+class CompanionResult(WithFields, PicklesFields):
     """A displacement model, solved or not: check `status`.
 
     Without a state (loads that cannot be carried, failed back end) fields, energies and forces raise `InputError`.

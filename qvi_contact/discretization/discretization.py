@@ -14,6 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, acts, instance_of, whole_number
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.displacements import DisplacementSpace, corners_that_jump, supports, triangle
 from qvi_contact.discretization.energy import BodyStiffness, Root, Springs
 from qvi_contact.discretization.loads import (
@@ -47,7 +48,7 @@ _UNRELIABLE = 1e-4  # relative error of the linear solve, above which the unit i
 
 
 @dataclass(frozen=True, eq=False)
-class Discretization(PicklesFields):
+class Discretization(WithFields, PicklesFields):
     """A contact problem on the elements of its mesh; traction conditions and the gauge of Φ are eliminated."""
 
     problem: ContactProblem

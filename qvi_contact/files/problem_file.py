@@ -19,6 +19,7 @@ import numpy as np
 
 from qvi_contact.basics import schema
 from qvi_contact.basics.checks import Field, evaluate, mapping
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element.edge import SAMPLES, gauss_legendre
@@ -331,7 +332,7 @@ class FileReader:
 
 
 @dataclass(frozen=True, eq=False)
-class ProblemFile:
+class ProblemFile(WithFields):
     """A problem file that was read: the problem, and how to solve it."""
 
     problem: ContactProblem

@@ -12,6 +12,7 @@ import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, acts, instance_of, names_among, positive_number
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
@@ -43,14 +44,11 @@ _CLOSE: Final = 1e-6  # logarithm of the factor's width at which a search may en
 
 
 @dataclass(eq=False, repr=False)
-class LimitLoad(float):
+class LimitLoad(float, WithFields):
     """Result of a limit analysis: `lower`, the load factor that the mesh carries, as a number with further fields.
 
-    Notes
-    -----
     Where stresses of the mesh cannot follow prescribed tractions point by point, `lower` belongs to tractions with the
     same resultants on every edge.
-
     """
 
     lower: float
@@ -345,7 +343,7 @@ def _with_times(owner: Any, names: Iterable[str], factor: float) -> Any:
 
 
 @dataclass(frozen=True)
-class StrengthReduction:
+class StrengthReduction(WithFields):
     """Both sides of the factor of safety on strength."""
 
     lower: float

@@ -24,6 +24,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.bodies import Bodies, Line, Work, lines, works
 from qvi_contact.mesh.edges import vectors_along
@@ -50,7 +51,7 @@ _SETTLED: Final = 1e-13  # relative decrease of the optimum by more places, up t
 
 
 @dataclass(frozen=True)
-class ContactMotion:
+class ContactMotion(WithFields):
     """Motion of a mechanism at a contact, for a largest displacement of 1 [length]."""
 
     opening: float
@@ -70,7 +71,7 @@ class ContactMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class Mechanism(PicklesFields):
+class Mechanism(WithFields, PicklesFields):
     """Small rigid motions of the blocks that the contact laws admit; the largest displacement is 1 [length].
 
     Slip opens a contact with friction by at least μ times the slip (associated law). Admissible tractions do the work

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, real_array
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.errors import InputError
 from qvi_contact.mesh import cutting
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, circle, fitted, refuse_bad_arcs
@@ -56,7 +57,7 @@ _POINTS_AT_A_TIME: Final = 512  # points located together, neighbours along x
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TriangleMesh(MeshParts, PicklesFields):
+class TriangleMesh(WithFields, MeshParts, PicklesFields):
     """A body divided into triangles.
 
     `InputError` if vertices and cells are not a mesh of one piece: triangles without area, vertices inside edges, edges

@@ -248,11 +248,9 @@ class Scales:
             moved = max(moved, least, float(np.hypot(*Shape.of(result).coefficients.T).max()))
             factor = min(factor, style.magnified(moved, _CALM * length))
             for rows, line in zip(discretization.contacts, result.contacts.values(), strict=True):
-                if rows.joint:  # factor × (closing of the gap) ≤ gap, but for what the eye does not see
-                    gap = discretization.scales.displacement * rows.gap
-                    closing = np.maximum(gap - line.gap, 1e-300)
-                    apart = float(((gap + _DEEP * length) / closing).min())
-                    factor = min(factor, max(1.0, style.rounded_down(apart)))
+                if rows.joint:  # both faces lie on one line before: they overlap by factor × jump
+                    jump = (faces(result, line.name)[0] * rows.points.normals).sum(axis=1).max() / length
+                    factor = min(factor, max(1.0, style.rounded_down(_DEEP / max(jump, 1e-100))))
                 pressure = max(pressure, float(np.abs(line.normal_stress).max()))
                 friction = max(friction, float(np.abs(line.tangential_stress).max()))
             x, y, stress = result.gauss_stress()

@@ -65,7 +65,8 @@ def result_figure(
     if not result.has_state:
         reason_text = result.message.removesuffix(result.solution.message).rstrip(": ")
         reason = f"{reason_text or f'Not solved: {result.status.words}'}. {result.status.advice}"
-        return _motion_figure(result.problem, result.mechanism, title, reason, result.solution.message, units)
+        proof = result.solution.message.removesuffix(result.status.advice).rstrip()
+        return _motion_figure(result.problem, result.mechanism, title, reason, proof, units)
     joints, contacts = {joint.name for joint in result.problem.joints}, result.contacts.values()
     ranked = sorted(contacts, key=lambda line: (line.name in joints, float(f"{-abs(line.normal_force):.6e}")))
     if panels is None:

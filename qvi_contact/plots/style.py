@@ -38,12 +38,9 @@ CHORDS: Final = 8  # chords by which an arc is drawn, and every other edge of a 
 LONGEST: Final = 0.08  # largest drawn displacement, as a share of the body's length
 LEAST: Final = 1e-5  # displacements below this share of the problem's displacement scale are not magnified further
 
-_SETTINGS: Final[Any] = {
-    "svg.hashsalt": "qvi-contact",
-    "font.size": 9,
-    "hatch.linewidth": 0.5,
-    "axes.formatter.use_mathtext": True,  # × 10⁷ beside an axis, not 1e7
-}
+_SETTINGS: Final[Any] = {  # the last one writes × 10⁷ beside an axis, not 1e7
+    "svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.linewidth": 0.5, "axes.formatter.use_mathtext": True,
+}  # fmt: skip
 _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 """Suffix → metadata of the file. Dates are left out, so that the same picture gives the same bytes."""
 _DOTS: Final = {"files": 150.0, "pages": 120.0}  # pixels per inch
@@ -53,8 +50,7 @@ _DOLLAR: Final = re.compile(r"(?<!\\)\$")  # a dollar sign that is not escaped
 def require_matplotlib() -> None:
     """Raise `InputError` with the command to type if matplotlib is missing, and name a wrong MPLBACKEND."""
     if find_spec("matplotlib") is None:
-        remedy = "pictures need matplotlib: python -m pip install matplotlib"
-        raise InputError("plot", "matplotlib", remedy)
+        raise InputError("plot", "matplotlib", "pictures need matplotlib: python -m pip install matplotlib")
     try:
         load("matplotlib")
     except ValueError as error:

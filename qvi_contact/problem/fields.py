@@ -239,7 +239,7 @@ _EXTENSION: Final = 1.0  # triangles of point data are extended to points with b
 
 
 @dataclass(frozen=True, eq=False)
-class PointData:
+class PointData(WithFields):
     """The function that is linear on each triangle of a mesh and has these values (v,) at the vertices.
 
     The mesh may differ from that of the problem. A point just outside, as between an arc and its chord, gets its value

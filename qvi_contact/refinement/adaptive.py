@@ -11,6 +11,7 @@ import numpy as np
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, instance_of, positive_number, whole_number
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.errors import InputError, QVIError, SolveError
 from qvi_contact.limit.load_factor import LimitLoad, checked_loads
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -48,7 +49,7 @@ _STAYED: Final = 0.8  # that is, falls to no less than this share; smooth quanti
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Outcome:
+class Outcome(WithFields):
     """The quantity of a refinement, its error, and the way to it."""
 
     status: RefinementStatus

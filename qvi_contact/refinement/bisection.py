@@ -17,6 +17,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, whole_number
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.bracket import Bounds
 from qvi_contact.element.edge import gauss_legendre
 from qvi_contact.element.hsieh_clough_tocher import LOWEST
@@ -69,7 +70,7 @@ class RefinementStatus(Ending):
 
 
 @dataclass(frozen=True)
-class RefinementRound:
+class RefinementRound(WithFields):
     """One round of a refinement."""
 
     cells: int

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from qvi_contact.basics.checks import FloatArray, finite_number
+from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
@@ -360,7 +361,7 @@ def _datum(problem: ContactProblem, scales: Scales, parameter: str, *, limit: bo
 
 
 @dataclass(frozen=True)
-class LimitFactor:
+class LimitFactor(WithFields):
     """The quantity of a limit analysis: the largest multiple of loads that contacts and bodies can carry."""
 
     loads: Sequence[str]

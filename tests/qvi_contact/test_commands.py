@@ -166,6 +166,9 @@ class TestCheck:
         save_problem(tmp_path / "free.toml", problem)
         for command in ("check", "solve"):
             refused(shell(command, tmp_path / "free.toml"), "boundary conditions: ", "out of balance")
+        mesh = problem.mesh.part([0]).with_edges("rim", lambda x, _: x > -1.0)
+        save_problem(path := tmp_path / "one.toml", replace(problem, mesh=mesh, conditions=[Traction("rim", 0.0, 0.0)]))
+        assert re.findall("[0-9]+ (?:tri|cell).*?\\b", shell("check", path)[1]) == ["1 triangle", "1 cell"]
 
 
 @pytest.mark.usefixtures("outlined")

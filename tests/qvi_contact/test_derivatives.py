@@ -4,17 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from qvi_contact import InputError, LimitFactor, TriangleMesh, limit_load_factor, solve
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Expression,
-    Material,
-    MohrCoulomb,
-    RigidPlate,
-    Traction,
-)
+from qvi_contact import InputError, LimitFactor, Traction, TriangleMesh, limit_load_factor, solve
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, MohrCoulomb, RigidPlate
 
 E, NU = 1000.0, 0.3
 

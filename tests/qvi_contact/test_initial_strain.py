@@ -9,25 +9,15 @@ import numpy as np
 import pytest
 from numpy.polynomial.polynomial import polyder
 
-from qvi_contact import InputError, TriangleMesh, discretize, load_problem, refine, solve, solve_companion
+from qvi_contact import Contact, InputError, Material, Polynomial, Region, RigidPlate, Symmetry, Traction, TriangleMesh
+from qvi_contact.companion import solve_companion
+from qvi_contact.discretization import discretize
 from qvi_contact.element import compliance_roots
-from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.files import load_problem, problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Expression,
-    Material,
-    PointData,
-    Polynomial,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    problem_digest,
-    stress_along_z,
-)
+from qvi_contact.problem import ContactProblem, Displacement, Expression, PointData, problem_digest, stress_along_z
+from qvi_contact.refinement import refine
+from qvi_contact.solution import solve
 from tests.cases import examples, refused_at
 from tests.qvi_contact.builders import holed, quarter, solved
 

@@ -12,23 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from qvi_contact import InputError, load_problem, save_problem, solve
+from qvi_contact import InputError, Polynomial, Region, RigidPlate, Tresca, load_problem, save_problem, solve
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import (
-    BodyForces,
-    Contact,
-    Displacement,
-    Expression,
-    Material,
-    Mises,
-    MohrCoulomb,
-    NoTension,
-    Polynomial,
-    Region,
-    RigidPlate,
-    Tresca,
-)
+from qvi_contact.problem import BodyForces, Contact, Displacement, Expression, Material, Mises, MohrCoulomb, NoTension
 from qvi_contact.units import Units
 from tests.cases import examples, refusal, refused_at
 from tests.qvi_contact.builders import PRINTED, RICH, same

@@ -7,22 +7,13 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, discretize, limit_load_factor, load_problem, solve, solve_companion
+from qvi_contact import InputError, Symmetry, Traction, TriangleMesh, discretize, load_problem, solve, solve_companion
 from qvi_contact.bracket import bracket
 from qvi_contact.discretization import physical
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.limit import limit_load_factor
 from qvi_contact.mesh import SIDES
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Expression,
-    Material,
-    Polynomial,
-    Region,
-    Symmetry,
-    Traction,
-)
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Polynomial, Region
 from qvi_contact.solution import stress_at
 from qvi_contact.verification import verify_result
 from solvers import Status
