@@ -297,8 +297,8 @@ def coercivity(r: float) -> float:
 
 
 def amplification(r: float) -> float:
-    """The factor f = (4 + r²)/(4 − r²) of (D28): |q| |e| ≤ f a(e, q), for 0 ≤ r < 2. It multiplies ρ in F."""
-    return (4.0 + r**2) / (4.0 - r**2)
+    """The factor f = (4 + r²)/(4 − r²) of (D28), which multiplies ρ in F: |q| |e| ≤ f a(e, q); infinite for r ≥ 2."""
+    return (4.0 + r**2) / (4.0 - r**2) if r < LARGEST else float("inf")
 
 
 def error_bound(residual: float, defect: float, r: float) -> float:
@@ -329,8 +329,12 @@ class FrictionNorm:
     reach: float = np.inf
 
     def least_work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α)."""
-        return min((each.work(shares, error, defect) for each in self.stopped), default=0.0)
+        """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α).
+
+        α is that of `value`; the X of a way with the larger norm r is at most α/(1 − r/2) times as large.
+        """
+        ways = ((each, coercivity(self.value) / coercivity(each.norm)) for each in self.stopped)
+        return min((each.work(shares, error, factor * defect) for each, factor in ways), default=0.0)
 
     @property
     def useless(self) -> bool:
@@ -358,39 +362,39 @@ def friction_norm(
     [stress], as are `pressures`: by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole
     edge, 0 on other edges.
     """
-    value = proved_norm(problem, shares)
-    if value < LARGEST and error(value) <= size:
-        return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
+    proved = proved_norm(problem, shares)
+    by_proof = FrictionNorm(proved, True, f"The norm of the friction operator is at most {proved:.4g}.")
+    if proved < LARGEST and error(proved) <= size:
+        return by_proof
     value = computed_norm(problem, shares)
     whole = FrictionNorm(value, False, COMPUTED.format(value))
+    if np.isnan(value):
+        too_many = FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
+        return by_proof if proved < LARGEST else too_many
     if value < _SMALL or (value < LARGEST and _ENERGIES[problem].slip_basis.shape[1] > _QUICK):
         return whole
-    if np.isnan(value):
-        return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
     ways = _ENERGIES[problem].stopped(shares, pressures, unit)
     if isinstance(ways, str):
         return whole if value < LARGEST else FrictionNorm(value, False, ways)
-    # a solution within the reach of one way is within F of it, and so within the reach of all ways that reach beyond F
-    valid = [each for each in ways if error(each.norm) < each.reach]
-    best, reach, within = None, np.inf, error(value)
-    if value >= LARGEST:
+    valid = sorted((each for each in ways if error(each.norm) < each.reach), key=lambda each: each.reach, reverse=True)
+    if value >= LARGEST and not valid:
         nearly = max(ways, key=lambda each: each.reach / error(each.norm))
-        best = max(valid, key=lambda each: each.reach, default=nearly)
-        reach, within = best.reach, error(best.norm)
-    for _ in valid:
-        best = min((each for each in valid if each.reach > within), key=lambda each: each.norm, default=best)
-        within = within if best is None else min(within, error(best.norm))
-    if best is None or best.norm >= value:
+        reason = f"The bounds need a norm of the friction operator below 2. Here it is {nearly.norm:.3g}."
+        if nearly.norm < LARGEST:
+            of_size, bound = (100.0 * each / size for each in (nearly.reach, error(nearly.norm)))
+            proviso = f"only if the error is below {of_size:.2g} %, but its bound is {bound:.2g} %"
+            reason = UNHELD.format(nearly.cause.capitalize(), f"friction and pressure stop its motion {proviso}")
+        return FrictionNorm(nearly.norm, False, reason, (nearly,), nearly.reach)
+    # without a bound of all solutions, those within the farthest reach are bounded. Bounded solutions are within the
+    # reach of all ways that reach beyond their bound, and so within the bounds of these
+    norm, reach = (value, np.inf) if value < LARGEST else (valid[0].norm, valid[0].reach)
+    for each in valid:
+        norm = min(norm, each.norm) if each.reach > error(norm) else norm
+    if norm == value:
         return whole
-    reason = COMPUTED.format(best.norm)
-    if best.norm >= LARGEST:
-        reason = f"The bounds need a norm of the friction operator below 2. Here it is {best.norm:.3g}."
-    elif not reach > within:
-        of_size, bound = (100.0 * each / size for each in (reach, within))
-        proviso = f"the error is below {of_size:.2g} %, but its bound is {bound:.2g} %"
-        reason = UNHELD.format(best.cause.capitalize(), f"friction and pressure stop its motion only if {proviso}")
-    others = [each for each in ways if each.energies is best.energies and each.reach > within]
-    return FrictionNorm(best.norm, False, reason, (best, *others), reach)
+    best = next(each for each in valid if each.norm == norm)
+    alike = tuple(each for each in valid if each.energies is best.energies and each.reach > error(norm))
+    return FrictionNorm(norm, False, COMPUTED.format(norm), alike, reach)
 
 
 def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped: Stopped | None = None) -> float:
@@ -556,7 +560,7 @@ class _Energies:
             compliances = means @ d
             sizes = np.sqrt(np.maximum(np.diag(compliances), 0.0))
             is_slipping = sizes.min() > 0.0 and np.linalg.cond(compliances / np.outer(sizes, sizes)) < 1.0 / _STOPS
-            if is_slipping and all(each.unused for each in groups):
+            if is_slipping and len(groups) <= _MOTIONS and all(each.unused for each in groups):
                 d = self.slip_basis @ d @ np.linalg.inv(compliances) * [each.mass for each in groups]
                 yield from self._ways(shares, groups, rows_w, np.asarray(d, dtype=np.float64), unit)
             return
@@ -585,16 +589,17 @@ class _Energies:
         restricted = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
         is_rough = np.array([each.is_rough for each in groups])
         for part in _PARTS if is_friction.any() else (1.0,):
-            # the larger |R d_k| of both senses of t_k
-            both = [(image + sense * own) @ d[:, k] for sense in (part, -part) for k, own in enumerate(p_images)]
-            images = self.sizes(np.transpose(both)).reshape(2, -1).max(axis=0)
-            # the largest norm of R for s + p over all senses of p
+            # |R d_k| and the norm of R for s + p, the largest over all senses of p; of many groups d_k, which is rigid,
+            # slips on group k alone, so that two senses are enough
             scaled = [part * own for own, each in zip(p_images, groups, strict=True) if each.unused]
-            if len(scaled) <= _MOTIONS:
-                senses = np.array(list(product((1.0, -1.0), repeat=len(scaled))))
-                norm = max(restricted.norm(image + sum(map(np.multiply, each, scaled))) for each in senses)
+            is_few, count = len(scaled) <= _MOTIONS, len(scaled)
+            senses = product((1.0, -1.0), repeat=count) if is_few else ((1.0,) * count, (-1.0,) * count)
+            operators = [image + sum(map(np.multiply, each, scaled)) for each in senses]
+            images = np.max([self.sizes(each @ d) for each in operators], axis=0)
+            if is_few:
+                norm = max(map(restricted.norm, operators))
             else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
-                norm = restricted.norm(image) + float(np.sqrt(len(scaled))) * restricted.norm(*scaled)
+                norm = restricted.norm(image) + float(np.sqrt(count)) * restricted.norm(*scaled)
             # pressure with friction: RR = 0 is lost where R d_k strains the body, so r counts twice
             norm *= 2.0 if images[is_rough].any() else 1.0
             masses_of_part = unit * np.where(is_friction, part, 1.0) * masses
