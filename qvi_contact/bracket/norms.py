@@ -273,6 +273,7 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
 LARGEST: Final = 2.0
 """The norm r of R from which on no error is bounded: (D28) needs r < 2."""
 
+TOO_LARGE: Final = "The bounds need a norm of the friction operator below 2. Here it is {:.3g}."
 COMPUTED: Final = "The norm of the friction operator, {:.3g}, was computed by finite elements, not proved."
 UNHELD: Final = (
     "{}, and {}. Errors are not bounded: refine the mesh, or hold the body along a contact if there is a support in "
@@ -328,13 +329,11 @@ class FrictionNorm:
     stopped: tuple[Stopped, ...] = ()
     reach: float = np.inf
 
-    def least_work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α).
-
-        α is that of `value`; the X of a way with the larger norm r is at most α/(1 − r/2) times as large.
-        """
-        ways = ((each, coercivity(self.value) / coercivity(each.norm)) for each in self.stopped)
-        return min((each.work(shares, error, factor * defect) for each, factor in ways), default=0.0)
+    def slack(self, shares: Mapping[str, Share], residual: float, defect: float, error: float) -> float:
+        """A bound of Σ in (D27) from ρ, δ and F: X = δ + ρ²/(4α), and the work that motions add."""
+        sums = ((each, defect_bound(residual, defect, each.norm)) for each in self.stopped)
+        found = (X + each.work(shares, error, X) for each, X in sums)
+        return min(found, default=defect_bound(residual, defect, self.value))
 
     @property
     def useless(self) -> bool:
@@ -347,8 +346,13 @@ class FrictionNorm:
             return 0.0
         if self.proved:
             return proved_norm(problem, shares) * error**2
-        norm = computed_norm(problem, shares, *self.stopped[:1])
-        return norm * error**2 + self.least_work(shares, error, defect)
+        norms = {
+            energies: computed_norm(problem, shares, energies) for energies in {each.energies for each in self.stopped}
+        }
+        # X of a way of norm r is at most α/(1 − r/2) times as large as that of the least norm
+        ways = ((each, defect * coercivity(self.value) / coercivity(each.norm)) for each in self.stopped)
+        found = (norms[each.energies] * error**2 + each.work(shares, error, X) for each, X in ways)
+        return min(found) if self.stopped else computed_norm(problem, shares) * error**2
 
 
 def friction_norm(
@@ -367,54 +371,53 @@ def friction_norm(
     if proved < LARGEST and error(proved) <= size:
         return by_proof
     value = computed_norm(problem, shares)
-    whole = FrictionNorm(value, False, COMPUTED.format(value))
     if np.isnan(value):
         too_many = FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
         return by_proof if proved < LARGEST else too_many
-    if value < _SMALL or (value < LARGEST and _ENERGIES[problem].slip_basis.shape[1] > _QUICK):
-        return whole
-    ways = _ENERGIES[problem].stopped(shares, pressures, unit)
-    if isinstance(ways, str):
-        return whole if value < LARGEST else FrictionNorm(value, False, ways)
+    energies, is_bounded = _ENERGIES[problem], value < LARGEST
+    if value < _SMALL or (is_bounded and energies.slip_basis.shape[1] > _QUICK):
+        return FrictionNorm(value, False, COMPUTED.format(value))
+    nothing = np.zeros((len(energies.slips), 0))
+    ways = [Stopped(nothing, nothing[0], nothing[0], energies, value)] if is_bounded else []
+    ways += energies.stopped(shares, pressures, unit)
+    if not ways:
+        return FrictionNorm(value, False, TOO_LARGE.format(value) if value < np.inf else energies.unheld(shares))
     valid = sorted((each for each in ways if error(each.norm) < each.reach), key=lambda each: each.reach, reverse=True)
-    if value >= LARGEST and not valid:
+    if not valid:
         nearly = max(ways, key=lambda each: each.reach / error(each.norm))
-        reason = f"The bounds need a norm of the friction operator below 2. Here it is {nearly.norm:.3g}."
-        if nearly.norm < LARGEST:
-            of_size, bound = (100.0 * each / size for each in (nearly.reach, error(nearly.norm)))
-            proviso = f"only if the error is below {of_size:.2g} %, but its bound is {bound:.2g} %"
-            reason = UNHELD.format(nearly.cause.capitalize(), f"friction and pressure stop its motion {proviso}")
+        of_size, bound = (100.0 * each / size for each in (nearly.reach, error(nearly.norm)))
+        proviso = f"only if the error is below {of_size:.2g} %, but its bound is {bound:.2g} %"
+        why = UNHELD.format(energies.cause.capitalize(), f"friction and pressure stop its motion {proviso}")
+        reason = why if nearly.norm < LARGEST else TOO_LARGE.format(nearly.norm)
         return FrictionNorm(nearly.norm, False, reason, (nearly,), nearly.reach)
-    # without a bound of all solutions, those within the farthest reach are bounded. Bounded solutions are within the
-    # reach of all ways that reach beyond their bound, and so within the bounds of these
-    norm, reach = (value, np.inf) if value < LARGEST else (valid[0].norm, valid[0].reach)
+    # solutions within the farthest reach are bounded: those within any bound are within all ways that reach beyond it
+    norm, reach = valid[0].norm, valid[0].reach
     for each in valid:
         norm = min(norm, each.norm) if each.reach > error(norm) else norm
-    if norm == value:
-        return whole
     best = next(each for each in valid if each.norm == norm)
-    alike = tuple(each for each in valid if each.energies is best.energies and each.reach > error(norm))
-    return FrictionNorm(norm, False, COMPUTED.format(norm), alike, reach)
+    used = (each for each in valid if each.energies in (energies, best.energies) and each.reach > error(norm))
+    return FrictionNorm(norm, False, COMPUTED.format(norm), tuple(used), reach)
 
 
-def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped: Stopped | None = None) -> float:
+def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], restricted: _Energies | None = None) -> float:
     """The norm of the R of least energy, max |Rv|/|v| among finite elements on the mesh.
 
-    Its square is the largest λ of D x = λ A x, see (D30), on displacements without the motions that are `stopped`. It
+    Its square is the largest λ of D x = λ A x, see (D30), of all displacements, or the `restricted` ones. It
     is infinite where contacts can slip without strain, and NaN where there are too many coefficients.
     """
     if problem not in _ENERGIES:
         _ENERGIES[problem] = _Energies.of(problem)
-    energies = _ENERGIES[problem] if stopped is None else stopped.energies
+    energies = _ENERGIES[problem] if restricted is None else restricted
     if not len(energies.normal_energy):
         return np.nan if energies.slips.any() else 0.0
-    is_held = stopped is not None or np.abs(energies.slips @ energies.motions).max(initial=0.0) <= _ALIKE
-    return energies.norm(energies.image(shares)) if is_held else np.inf
+    return np.inf if restricted is None and energies.has_slip else energies.norm(energies.image(shares))
 
 
 @dataclass(frozen=True, eq=False)
 class Stopped:
     """Motions d_k, 1 ≤ k ≤ j, that contacts stop, see (D39): rigid ones, or those of least energy of slender bodies.
+
+    There are none (j = 0) where bounds hold for all displacements.
 
     Each motion moves one group of edges by the mean 1, the other groups by the mean 0. A group is stopped either by
     friction where it sticks, with the weight ω = λ (1 − |s|) B(τ), or by the pressure of contacts that may open, with
@@ -422,7 +425,6 @@ class Stopped:
     e = u − v. (D39) holds for every solution with |σ − τ| < `reach`, with the share s + p, p = sign(t_k) ω/B(τ).
     """
 
-    cause: str  # why motions are to be stopped, after the word "as"
     motions: FloatArray  # (n, j): slips of d_k
     masses: FloatArray  # (j,): M_k = ∫ ω ds over the group [energy per unit of displacement]
     images: FloatArray  # (j,): |R d_k|, the largest over all senses [√energy per unit of displacement]
@@ -436,9 +438,9 @@ class Stopped:
         return float((self.masses[is_strained] / self.images[is_strained]).min(initial=np.inf))
 
     def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """See `FrictionNorm.least_work`."""
+        """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α)."""
         sizes = self.energies.sizes(self.energies.image(shares) @ self.motions)
-        return float(error * defect * (sizes / (self.masses - error * self.images)).max())
+        return float(error * defect * (sizes / (self.masses - error * self.images)).max(initial=0.0))
 
 
 class _Group(NamedTuple):
@@ -517,36 +519,36 @@ class _Energies:
                 matrix[columns[:, :, None], columns[:, None, :]] = blocks
         return matrix
 
-    def stopped(
-        self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float
-    ) -> list[Stopped] | str:
-        """Ways in which contacts stop motions without strain, or with little; or a reason if they do not.
+    def stopped(self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float) -> list[Stopped]:
+        """Ways in which contacts stop motions without strain, or with little; empty if they do not.
 
         Friction alone is tried first, then pressure too. Contacts that press are cut into 1, 2 or 3 pieces. Weights and
         pressures are in the `unit` [stress].
         """
         friction_groups, unit = list(self._friction_groups(shares)), self.scales.energy * unit / self.scales.stress
         ways = list(self._stopped(shares, friction_groups, unit))
-        for pieces in () if ways else _PIECES:
+        for pieces in () if ways or not self.has_slip else _PIECES:
             ways += self._stopped(shares, [*friction_groups, *self._pressure_groups(pressures, pieces)], unit)
-        if ways:
-            return ways
+        return ways
+
+    def unheld(self, shares: Mapping[str, Share]) -> str:
+        """Why motions without strain that slip are not stopped."""
         slip = np.abs(self.slips @ self.motions).max(axis=1, initial=0.0)
         slipping = [each.name for each in self.traces if each.name in shares and slip[each.here].max() > _ALIKE]
         without_stick = [name for name in slipping if not (shares[name].room * shares[name].weights).any()]
-        names = " and ".join(map(repr, without_stick or slipping or shares))
+        names = " and ".join(map(repr, without_stick or slipping))
         return UNHELD.format(
-            self._cause.capitalize(), f"neither a sticking part of {names} nor pressure stops its motion"
+            self.cause.capitalize(), f"neither a sticking part of {names} nor pressure stops its motion"
         )
 
     @property
-    def _has_slip(self) -> bool:
+    def has_slip(self) -> bool:
         """Whether a motion without strain slips."""
         return bool(np.abs(self.slips @ self.motions).max(initial=0.0) > _ALIKE)
 
     @property
-    def _cause(self) -> str:
-        return "contacts alone hold a body" if self._has_slip else "slip strains a slender body little"
+    def cause(self) -> str:
+        return "contacts alone hold a body" if self.has_slip else "slip strains a slender body little"
 
     def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Iterator[Stopped]:
         """The ways in which groups stop all motions, if they do; `unit` is that of masses over displacements."""
@@ -554,13 +556,13 @@ class _Energies:
             return
         rows = np.array([each.row for each in groups])
         rows_w, motion_slips = rows @ np.concatenate(self.B), self.slips @ self.motions
-        if not self._has_slip:
+        if not self.has_slip:
             means = rows[:, len(self.slips) :] @ self.slip_basis
             d = np.linalg.solve(self.slip_energy, means.T)
             compliances = means @ d
             sizes = np.sqrt(np.maximum(np.diag(compliances), 0.0))
             is_slipping = sizes.min() > 0.0 and np.linalg.cond(compliances / np.outer(sizes, sizes)) < 1.0 / _STOPS
-            if is_slipping and len(groups) <= _MOTIONS and all(each.unused for each in groups):
+            if is_slipping and len(groups) <= _MOTIONS:
                 d = self.slip_basis @ d @ np.linalg.inv(compliances) * [each.mass for each in groups]
                 yield from self._ways(shares, groups, rows_w, np.asarray(d, dtype=np.float64), unit)
             return
@@ -603,7 +605,7 @@ class _Energies:
             # pressure with friction: RR = 0 is lost where R d_k strains the body, so r counts twice
             norm *= 2.0 if images[is_rough].any() else 1.0
             masses_of_part = unit * np.where(is_friction, part, 1.0) * masses
-            yield Stopped(self._cause, d, masses_of_part, images, restricted, norm)
+            yield Stopped(d, masses_of_part, images, restricted, norm)
 
     def _integrals(self, trace: DisplacementContact, omega: FloatArray, along: int) -> tuple[FloatArray, FloatArray]:
         """By edge c ↦ ∫ ω e_N ds (e, 2 n), or ∫ ω e_T ds if `along` is 1, and ∫ ω ds (e,); ω: coefficients (e, q)."""
@@ -615,7 +617,7 @@ class _Energies:
     def _friction_groups(self, shares: Mapping[str, Share]) -> Iterator[_Group]:
         """Groups of straight edges that all motions move alike or oppositely; the weight is (1 − |s|) B(τ)."""
         straight = {each.name: each for each in self.traces if each.name in shares and not each.edges.curved}
-        motion_slips = self.slips @ self.motions if self._has_slip else self.lines
+        motion_slips = self.slips @ self.motions if self.has_slip else self.lines
         parts = list[tuple[FloatArray, ...]]()
         for name, trace in straight.items():
             slip = (trace.turned[..., None] * motion_slips[trace.start + trace.columns]).mean(axis=1)
