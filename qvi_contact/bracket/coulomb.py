@@ -113,7 +113,7 @@ class CoulombBounds:
     @property
     def reach(self) -> float:
         """The bounds hold for solutions within this distance of τ, over |τ + η|; infinite if they hold for all."""
-        return self._relative(max(self.norm.reach - self.moved, 0.0)) if self.norm.stopped else np.inf
+        return self._relative(max(self.norm.reach - self.moved, 0.0))
 
     @property
     def scope(self) -> str:
