@@ -346,13 +346,11 @@ class FrictionNorm:
             return 0.0
         if self.proved:
             return proved_norm(problem, shares) * error**2
-        norms = {
-            energies: computed_norm(problem, shares, energies) for energies in {each.energies for each in self.stopped}
-        }
+        restricted = {each.energies for each in self.stopped}
+        norms = {each: computed_norm(problem, shares, each) for each in restricted}
         # X of a way of norm r is at most α/(1 − r/2) times as large as that of the least norm
         ways = ((each, defect * coercivity(self.value) / coercivity(each.norm)) for each in self.stopped)
-        found = (norms[each.energies] * error**2 + each.work(shares, error, X) for each, X in ways)
-        return min(found) if self.stopped else computed_norm(problem, shares) * error**2
+        return min(norms[each.energies] * error**2 + each.work(shares, error, X) for each, X in ways)
 
 
 def friction_norm(
@@ -375,10 +373,10 @@ def friction_norm(
         too_many = FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
         return by_proof if proved < LARGEST else too_many
     energies, is_bounded = _ENERGIES[problem], value < LARGEST
-    if value < _SMALL or (is_bounded and energies.slip_basis.shape[1] > _QUICK):
-        return FrictionNorm(value, False, COMPUTED.format(value))
     nothing = np.zeros((len(energies.slips), 0))
     ways = [Stopped(nothing, nothing[0], nothing[0], energies, value)] if is_bounded else []
+    if value < _SMALL or (is_bounded and energies.slip_basis.shape[1] > _QUICK):
+        return FrictionNorm(value, False, COMPUTED.format(value), tuple(ways))
     ways += energies.stopped(shares, pressures, unit)
     if not ways:
         return FrictionNorm(value, False, TOO_LARGE.format(value) if value < np.inf else energies.unheld(shares))
@@ -391,12 +389,11 @@ def friction_norm(
         reason = why if nearly.norm < LARGEST else TOO_LARGE.format(nearly.norm)
         return FrictionNorm(nearly.norm, False, reason, (nearly,), nearly.reach)
     # solutions within the farthest reach are bounded: those within any bound are within all ways that reach beyond it
-    norm, reach = valid[0].norm, valid[0].reach
+    best = valid[0]
     for each in valid:
-        norm = min(norm, each.norm) if each.reach > error(norm) else norm
-    best = next(each for each in valid if each.norm == norm)
-    used = (each for each in valid if each.energies in (energies, best.energies) and each.reach > error(norm))
-    return FrictionNorm(norm, False, COMPUTED.format(norm), tuple(used), reach)
+        best = each if each.norm < best.norm and each.reach > error(best.norm) else best
+    used = (each for each in valid if each.energies in (energies, best.energies) and each.reach > error(best.norm))
+    return FrictionNorm(best.norm, False, COMPUTED.format(best.norm), tuple(used), valid[0].reach)
 
 
 def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], restricted: _Energies | None = None) -> float:
