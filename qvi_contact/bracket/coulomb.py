@@ -300,7 +300,8 @@ class _Pairs:
         c, z = self._displacement(goal)
         change, shares = self._continuous(self._stress(c))
         m = self._ratio(goal, c, change)
-        second = np.inf if m is None else self.errors.norm.work(known.problem, shares, error, self.defect)
+        sizes = self.errors.residual, self.errors.defect, error
+        second = np.inf if m is None else self.errors.norm.work(known.problem, shares, *sizes)
         if m is None or not np.isfinite(second):
             return None
         dofs, changed_dofs = self.errors.stress.dofs, self.errors.stress.dofs + known.supports.basis.expanded(change)

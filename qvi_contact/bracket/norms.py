@@ -340,17 +340,17 @@ class FrictionNorm:
         """Whether bounds are neither proved nor near errors. The norm is the body's: finer meshes do not help."""
         return not self.proved and _USEFUL <= self.value < np.inf
 
-    def work(self, problem: ContactProblem, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from F and a bound of Σ; proved if `self` is."""
+    def work(
+        self, problem: ContactProblem, shares: Mapping[str, Share], residual: float, defect: float, error: float
+    ) -> float:
+        """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from ρ, δ and F; proved if `self` is."""
         if not any(share.values.any() for share in shares.values()):
             return 0.0
         if self.proved:
             return proved_norm(problem, shares) * error**2
-        restricted = {each.energies for each in self.stopped}
-        norms = {each: computed_norm(problem, shares, each) for each in restricted}
-        # X of a way of norm r is at most α/(1 − r/2) times as large as that of the least norm
-        ways = ((each, defect * coercivity(self.value) / coercivity(each.norm)) for each in self.stopped)
-        return min(norms[each.energies] * error**2 + each.work(shares, error, X) for each, X in ways)
+        norms = {each: computed_norm(problem, shares, each) for each in {way.energies for way in self.stopped}}
+        sums = ((each, defect_bound(residual, defect, each.norm)) for each in self.stopped)
+        return min(norms[each.energies] * error**2 + each.work(shares, error, X) for each, X in sums)
 
 
 def friction_norm(
@@ -414,12 +414,11 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], restrict
 class Stopped:
     """Motions d_k, 1 ≤ k ≤ j, that contacts stop, see (D39): rigid ones, or those of least energy of slender bodies.
 
-    There are none (j = 0) where bounds hold for all displacements.
-
     Each motion moves one group of edges by the mean 1, the other groups by the mean 0. A group is stopped either by
     friction where it sticks, with the weight ω = λ (1 − |s|) B(τ), or by the pressure of contacts that may open, with
     ω = |τ_N|. t_k is the mean over the group, with the weight ω, of e_T for friction, of −e_N for pressure, where
     e = u − v. (D39) holds for every solution with |σ − τ| < `reach`, with the share s + p, p = sign(t_k) ω/B(τ).
+    Without motions (j = 0) all displacements count.
     """
 
     motions: FloatArray  # (n, j): slips of d_k

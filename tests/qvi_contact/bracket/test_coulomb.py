@@ -145,13 +145,11 @@ class TestNorms:
             assert rectangle_norm(tall, shared(tall, 1.0)) == pytest.approx(rectangle_constant(*part))
         assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
         shares = shared(problem, 2.5)  # the norm 1.88, which proves errors below 15.8 times the residual
-        proved = [
-            friction_norm(problem, shares, error=lambda r: error_bound(1.0, 0.0, r), size=n) for n in (15.0, 16.0)
-        ]
-        assert [each.proved for each in proved] == [False, True]
+        proved = [friction_norm(problem, shares, size=size).proved for size in (15.0, 16.0)]
+        assert proved == [False, True]
         monkeypatch.setattr("qvi_contact.bracket.norms.MOST", 0)  # where no norm can be computed
         assert friction_norm(compressed_plate(0.2), shares, size=15.0).proved
-        assert found.work(problem, shared(problem, 1.0), 0.1, 0.0) == pytest.approx(0.01 * found.value)
+        assert found.work(problem, shared(problem, 1.0), 0.0, 0.0, 0.1) == pytest.approx(0.01 * found.value)
 
     @pytest.mark.parametrize(
         "problem",
@@ -641,9 +639,9 @@ class TestFrictionAlone:
         clamped = solve(problem := self.clamped(0.3), degree=4).bracket.coulomb  # bounds of forces are not wider
         norm, r, errors = clamped.norm, computed_norm(problem, clamped.shares), (clamped.residual, clamped.defect)
         assert norm.value < r < 2.0
-        slack = norm.slack(clamped.shares, *errors, clamped.within)
-        assert slack <= defect_bound(*errors, r) * (1.0 + 1e-9)
-        assert norm.work(problem, clamped.shares, clamped.within, slack) <= r * clamped.within**2 * (1.0 + 1e-9)
+        sizes = clamped.shares, *errors, clamped.within
+        assert norm.slack(*sizes) <= defect_bound(*errors, r) * (1.0 + 1e-9)
+        assert norm.work(problem, *sizes) <= r * clamped.within**2 * (1.0 + 1e-9)
 
     def test_what_keeps_its_distance_holds_as_a_support(self):
         block, support = self.block(0.3, 0.1), [Displacement("left", x=0.0), Traction("left", y=0.0)]
