@@ -23,7 +23,6 @@ from qvi_contact.bracket.norms import (
     FrictionNorm,
     amplification,
     coercivity,
-    defect_bound,
     error_bound,
     friction_norm,
 )
@@ -115,7 +114,7 @@ class CoulombBounds(WithFields):
     @property
     def reach(self) -> float:
         """The bounds hold for solutions within this distance of τ, over |τ + η|; infinite if they hold for all."""
-        return self._relative(max(self.norm.reach - self.moved, 0.0)) if self.norm.stopped else np.inf
+        return self._relative(max(self.norm.reach - self.moved, 0.0))
 
     @property
     def scope(self) -> str:
@@ -135,7 +134,7 @@ class CoulombBounds(WithFields):
         error = f"stresses within {100.0 * self.relative_error:.2g} % of their energy norm."
         if self.relative_error > 1.0:
             error = "the error of the stresses may be as large as they are. Refine the mesh."
-        scope = f"It holds for solutions{self.scope}, as {self.norm.stopped[0].cause}." if self.scope else ""
+        scope = f"It holds for solutions{self.scope}, as {self.norm.stopped[0].energies.cause}." if self.scope else ""
         bound = f"{self.kind.capitalize()} bound under friction: {error}"
         return " ".join(filter(None, [bound, scope, *self.reasons, *self.places[:1]]))
 
@@ -238,8 +237,7 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     has_tresca = any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts)
     if has_tresca or not np.isfinite(errors.within) or state is None or 2 * state.contacts.count > MOST:
         return {}
-    defect = defect_bound(errors.residual, errors.defect, errors.norm.value)
-    defect += errors.norm.least_work(errors.shares, errors.within, defect)
+    defect = errors.norm.slack(errors.shares, errors.residual, errors.defect, errors.within)
     fields = CellFields.of(known, stress.dofs, companion.degree)
     body = BodyAtRest.of(problem, companion.degree)
     changes = LeastChange.of(known.qvi.K, sparse.csr_array(sparse.vstack([known.qvi.N, known.qvi.T, known.qvi.A])))
@@ -303,7 +301,8 @@ class _Pairs:
         c, z = self._displacement(goal)
         change, shares = self._continuous(self._stress(c))
         m = self._ratio(goal, c, change)
-        second = np.inf if m is None else self.errors.norm.work(known.problem, shares, error, self.defect)
+        sizes = self.errors.residual, self.errors.defect, error
+        second = np.inf if m is None else self.errors.norm.work(known.problem, shares, *sizes)
         if m is None or not np.isfinite(second):
             return None
         dofs, changed_dofs = self.errors.stress.dofs, self.errors.stress.dofs + known.supports.basis.expanded(change)

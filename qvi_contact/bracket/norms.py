@@ -273,6 +273,7 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
 LARGEST: Final = 2.0
 """The norm r of R from which on no error is bounded: (D28) needs r < 2."""
 
+TOO_LARGE: Final = "The bounds need a norm of the friction operator below 2. Here it is {:.3g}."
 COMPUTED: Final = "The norm of the friction operator, {:.3g}, was computed by finite elements, not proved."
 UNHELD: Final = (
     "{}, and {}. Errors are not bounded: refine the mesh, or hold the body along a contact if there is a support in "
@@ -297,8 +298,8 @@ def coercivity(r: float) -> float:
 
 
 def amplification(r: float) -> float:
-    """The factor f = (4 + r²)/(4 − r²) of (D28): |q| |e| ≤ f a(e, q), for 0 ≤ r < 2. It multiplies ρ in F."""
-    return (4.0 + r**2) / (4.0 - r**2)
+    """The factor f = (4 + r²)/(4 − r²) of (D28), which multiplies ρ in F: |q| |e| ≤ f a(e, q); infinite for r ≥ 2."""
+    return (4.0 + r**2) / (4.0 - r**2) if r < LARGEST else float("inf")
 
 
 def error_bound(residual: float, defect: float, r: float) -> float:
@@ -328,23 +329,28 @@ class FrictionNorm:
     stopped: tuple[Stopped, ...] = ()
     reach: float = np.inf
 
-    def least_work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α)."""
-        return min((each.work(shares, error, defect) for each in self.stopped), default=0.0)
+    def slack(self, shares: Mapping[str, Share], residual: float, defect: float, error: float) -> float:
+        """A bound of Σ in (D27) from ρ, δ and F: X = δ + ρ²/(4α), and the work that motions add."""
+        sums = ((each, defect_bound(residual, defect, each.norm)) for each in self.stopped)
+        found = (X + each.work(shares, error, X) for each, X in sums)
+        return min(found, default=defect_bound(residual, defect, self.value))
 
     @property
     def useless(self) -> bool:
         """Whether bounds are neither proved nor near errors. The norm is the body's: finer meshes do not help."""
         return not self.proved and _USEFUL <= self.value < np.inf
 
-    def work(self, problem: ContactProblem, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from F and a bound of Σ; proved if `self` is."""
+    def work(
+        self, problem: ContactProblem, shares: Mapping[str, Share], residual: float, defect: float, error: float
+    ) -> float:
+        """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from ρ, δ and F; proved if `self` is."""
         if not any(share.values.any() for share in shares.values()):
             return 0.0
         if self.proved:
             return proved_norm(problem, shares) * error**2
-        norm = computed_norm(problem, shares, *self.stopped[:1])
-        return norm * error**2 + self.least_work(shares, error, defect)
+        norms = {each: computed_norm(problem, shares, each) for each in {way.energies for way in self.stopped}}
+        sums = ((each, defect_bound(residual, defect, each.norm)) for each in self.stopped)
+        return min(norms[each.energies] * error**2 + each.work(shares, error, X) for each, X in sums)
 
 
 def friction_norm(
@@ -358,54 +364,50 @@ def friction_norm(
     [stress], as are `pressures`: by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole
     edge, 0 on other edges.
     """
-    value = proved_norm(problem, shares)
-    if value < LARGEST and error(value) <= size:
-        return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
+    proved = proved_norm(problem, shares)
+    by_proof = FrictionNorm(proved, True, f"The norm of the friction operator is at most {proved:.4g}.")
+    if proved < LARGEST and error(proved) <= size:
+        return by_proof
     value = computed_norm(problem, shares)
-    whole = FrictionNorm(value, False, COMPUTED.format(value))
-    if value < _SMALL or (value < LARGEST and _ENERGIES[problem].slip_basis.shape[1] > _QUICK):
-        return whole
     if np.isnan(value):
-        return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
-    ways = _ENERGIES[problem].stopped(shares, pressures, unit)
-    if isinstance(ways, str):
-        return whole if value < LARGEST else FrictionNorm(value, False, ways)
-    # a solution within the reach of one way is within F of it, and so within the reach of all ways that reach beyond F
-    valid = [each for each in ways if error(each.norm) < each.reach]
-    best, reach, within = None, np.inf, error(value)
-    if value >= LARGEST:
+        too_many = FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
+        return by_proof if proved < LARGEST else too_many
+    energies, is_bounded = _ENERGIES[problem], value < LARGEST
+    nothing = np.zeros((len(energies.slips), 0))
+    ways = [Stopped(nothing, nothing[0], nothing[0], energies, value)] if is_bounded else []
+    if value < _SMALL or (is_bounded and energies.slip_basis.shape[1] > _QUICK):
+        return FrictionNorm(value, False, COMPUTED.format(value), tuple(ways))
+    ways += energies.stopped(shares, pressures, unit)
+    if not ways:
+        return FrictionNorm(value, False, TOO_LARGE.format(value) if value < np.inf else energies.unheld(shares))
+    valid = sorted((each for each in ways if error(each.norm) < each.reach), key=lambda each: each.reach, reverse=True)
+    if not valid:
         nearly = max(ways, key=lambda each: each.reach / error(each.norm))
-        best = max(valid, key=lambda each: each.reach, default=nearly)
-        reach, within = best.reach, error(best.norm)
-    for _ in valid:
-        best = min((each for each in valid if each.reach > within), key=lambda each: each.norm, default=best)
-        within = within if best is None else min(within, error(best.norm))
-    if best is None or best.norm >= value:
-        return whole
-    reason = COMPUTED.format(best.norm)
-    if best.norm >= LARGEST:
-        reason = f"The bounds need a norm of the friction operator below 2. Here it is {best.norm:.3g}."
-    elif not reach > within:
-        of_size, bound = (100.0 * each / size for each in (reach, within))
-        proviso = f"the error is below {of_size:.2g} %, but its bound is {bound:.2g} %"
-        reason = UNHELD.format(best.cause.capitalize(), f"friction and pressure stop its motion only if {proviso}")
-    others = [each for each in ways if each.energies is best.energies and each.reach > within]
-    return FrictionNorm(best.norm, False, reason, (best, *others), reach)
+        of_size, bound = (100.0 * each / size for each in (nearly.reach, error(nearly.norm)))
+        proviso = f"only if the error is below {of_size:.2g} %, but its bound is {bound:.2g} %"
+        why = UNHELD.format(energies.cause.capitalize(), f"friction and pressure stop its motion {proviso}")
+        reason = why if nearly.norm < LARGEST else TOO_LARGE.format(nearly.norm)
+        return FrictionNorm(nearly.norm, False, reason, (nearly,), nearly.reach)
+    # solutions within the farthest reach are bounded: those within any bound are within all ways that reach beyond it
+    best = valid[0]
+    for each in valid:
+        best = each if each.norm < best.norm and each.reach > error(best.norm) else best
+    used = (each for each in valid if each.energies in (energies, best.energies) and each.reach > error(best.norm))
+    return FrictionNorm(best.norm, False, COMPUTED.format(best.norm), tuple(used), valid[0].reach)
 
 
-def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped: Stopped | None = None) -> float:
+def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], restricted: _Energies | None = None) -> float:
     """The norm of the R of least energy, max |Rv|/|v| among finite elements on the mesh.
 
-    Its square is the largest λ of D x = λ A x, see (D30), on displacements without the motions that are `stopped`. It
+    Its square is the largest λ of D x = λ A x, see (D30), of all displacements, or the `restricted` ones. It
     is infinite where contacts can slip without strain, and NaN where there are too many coefficients.
     """
     if problem not in _ENERGIES:
         _ENERGIES[problem] = _Energies.of(problem)
-    energies = _ENERGIES[problem] if stopped is None else stopped.energies
+    energies = _ENERGIES[problem] if restricted is None else restricted
     if not len(energies.normal_energy):
         return np.nan if energies.slips.any() else 0.0
-    is_held = stopped is not None or np.abs(energies.slips @ energies.motions).max(initial=0.0) <= _ALIKE
-    return energies.norm(energies.image(shares)) if is_held else np.inf
+    return np.inf if restricted is None and energies.has_slip else energies.norm(energies.image(shares))
 
 
 @dataclass(frozen=True, eq=False)
@@ -416,9 +418,9 @@ class Stopped:
     friction where it sticks, with the weight ω = λ (1 − |s|) B(τ), or by the pressure of contacts that may open, with
     ω = |τ_N|. t_k is the mean over the group, with the weight ω, of e_T for friction, of −e_N for pressure, where
     e = u − v. (D39) holds for every solution with |σ − τ| < `reach`, with the share s + p, p = sign(t_k) ω/B(τ).
+    Without motions (j = 0) all displacements count.
     """
 
-    cause: str  # why motions are to be stopped, after the word "as"
     motions: FloatArray  # (n, j): slips of d_k
     masses: FloatArray  # (j,): M_k = ∫ ω ds over the group [energy per unit of displacement]
     images: FloatArray  # (j,): |R d_k|, the largest over all senses [√energy per unit of displacement]
@@ -432,9 +434,9 @@ class Stopped:
         return float((self.masses[is_strained] / self.images[is_strained]).min(initial=np.inf))
 
     def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """See `FrictionNorm.least_work`."""
+        """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α)."""
         sizes = self.energies.sizes(self.energies.image(shares) @ self.motions)
-        return float(error * defect * (sizes / (self.masses - error * self.images)).max())
+        return float(error * defect * (sizes / (self.masses - error * self.images)).max(initial=0.0))
 
 
 class _Group(NamedTuple):
@@ -513,36 +515,36 @@ class _Energies:
                 matrix[columns[:, :, None], columns[:, None, :]] = blocks
         return matrix
 
-    def stopped(
-        self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float
-    ) -> list[Stopped] | str:
-        """Ways in which contacts stop motions without strain, or with little; or a reason if they do not.
+    def stopped(self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float) -> list[Stopped]:
+        """Ways in which contacts stop motions without strain, or with little; empty if they do not.
 
         Friction alone is tried first, then pressure too. Contacts that press are cut into 1, 2 or 3 pieces. Weights and
         pressures are in the `unit` [stress].
         """
         friction_groups, unit = list(self._friction_groups(shares)), self.scales.energy * unit / self.scales.stress
         ways = list(self._stopped(shares, friction_groups, unit))
-        for pieces in () if ways else _PIECES:
+        for pieces in () if ways or not self.has_slip else _PIECES:
             ways += self._stopped(shares, [*friction_groups, *self._pressure_groups(pressures, pieces)], unit)
-        if ways:
-            return ways
+        return ways
+
+    def unheld(self, shares: Mapping[str, Share]) -> str:
+        """Why motions without strain that slip are not stopped."""
         slip = np.abs(self.slips @ self.motions).max(axis=1, initial=0.0)
         slipping = [each.name for each in self.traces if each.name in shares and slip[each.here].max() > _ALIKE]
         without_stick = [name for name in slipping if not (shares[name].room * shares[name].weights).any()]
-        names = " and ".join(map(repr, without_stick or slipping or shares))
+        names = " and ".join(map(repr, without_stick or slipping))
         return UNHELD.format(
-            self._cause.capitalize(), f"neither a sticking part of {names} nor pressure stops its motion"
+            self.cause.capitalize(), f"neither a sticking part of {names} nor pressure stops its motion"
         )
 
     @property
-    def _has_slip(self) -> bool:
+    def has_slip(self) -> bool:
         """Whether a motion without strain slips."""
         return bool(np.abs(self.slips @ self.motions).max(initial=0.0) > _ALIKE)
 
     @property
-    def _cause(self) -> str:
-        return "contacts alone hold a body" if self._has_slip else "slip strains a slender body little"
+    def cause(self) -> str:
+        return "contacts alone hold a body" if self.has_slip else "slip strains a slender body little"
 
     def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Iterator[Stopped]:
         """The ways in which groups stop all motions, if they do; `unit` is that of masses over displacements."""
@@ -550,13 +552,13 @@ class _Energies:
             return
         rows = np.array([each.row for each in groups])
         rows_w, motion_slips = rows @ np.concatenate(self.B), self.slips @ self.motions
-        if not self._has_slip:
+        if not self.has_slip:
             means = rows[:, len(self.slips) :] @ self.slip_basis
             d = np.linalg.solve(self.slip_energy, means.T)
             compliances = means @ d
             sizes = np.sqrt(np.maximum(np.diag(compliances), 0.0))
             is_slipping = sizes.min() > 0.0 and np.linalg.cond(compliances / np.outer(sizes, sizes)) < 1.0 / _STOPS
-            if is_slipping and all(each.unused for each in groups):
+            if is_slipping and len(groups) <= _MOTIONS:
                 d = self.slip_basis @ d @ np.linalg.inv(compliances) * [each.mass for each in groups]
                 yield from self._ways(shares, groups, rows_w, np.asarray(d, dtype=np.float64), unit)
             return
@@ -585,20 +587,21 @@ class _Energies:
         restricted = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
         is_rough = np.array([each.is_rough for each in groups])
         for part in _PARTS if is_friction.any() else (1.0,):
-            # the larger |R d_k| of both senses of t_k
-            both = [(image + sense * own) @ d[:, k] for sense in (part, -part) for k, own in enumerate(p_images)]
-            images = self.sizes(np.transpose(both)).reshape(2, -1).max(axis=0)
-            # the largest norm of R for s + p over all senses of p
+            # |R d_k| and the norm of R for s + p, the largest over all senses of p; of many groups d_k, which is rigid,
+            # slips on group k alone, so that two senses are enough
             scaled = [part * own for own, each in zip(p_images, groups, strict=True) if each.unused]
-            if len(scaled) <= _MOTIONS:
-                senses = np.array(list(product((1.0, -1.0), repeat=len(scaled))))
-                norm = max(restricted.norm(image + sum(map(np.multiply, each, scaled))) for each in senses)
+            is_few, count = len(scaled) <= _MOTIONS, len(scaled)
+            senses = product((1.0, -1.0), repeat=count) if is_few else ((1.0,) * count, (-1.0,) * count)
+            operators = [image + sum(map(np.multiply, each, scaled)) for each in senses]
+            images = np.max([self.sizes(each @ d) for each in operators], axis=0)
+            if is_few:
+                norm = max(map(restricted.norm, operators))
             else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
-                norm = restricted.norm(image) + float(np.sqrt(len(scaled))) * restricted.norm(*scaled)
+                norm = restricted.norm(image) + float(np.sqrt(count)) * restricted.norm(*scaled)
             # pressure with friction: RR = 0 is lost where R d_k strains the body, so r counts twice
             norm *= 2.0 if images[is_rough].any() else 1.0
             masses_of_part = unit * np.where(is_friction, part, 1.0) * masses
-            yield Stopped(self._cause, d, masses_of_part, images, restricted, norm)
+            yield Stopped(d, masses_of_part, images, restricted, norm)
 
     def _integrals(self, trace: DisplacementContact, omega: FloatArray, along: int) -> tuple[FloatArray, FloatArray]:
         """By edge c ↦ ∫ ω e_N ds (e, 2 n), or ∫ ω e_T ds if `along` is 1, and ∫ ω ds (e,); ω: coefficients (e, q)."""
@@ -610,7 +613,7 @@ class _Energies:
     def _friction_groups(self, shares: Mapping[str, Share]) -> Iterator[_Group]:
         """Groups of straight edges that all motions move alike or oppositely; the weight is (1 − |s|) B(τ)."""
         straight = {each.name: each for each in self.traces if each.name in shares and not each.edges.curved}
-        motion_slips = self.slips @ self.motions if self._has_slip else self.lines
+        motion_slips = self.slips @ self.motions if self.has_slip else self.lines
         parts = list[tuple[FloatArray, ...]]()
         for name, trace in straight.items():
             slip = (trace.turned[..., None] * motion_slips[trace.start + trace.columns]).mean(axis=1)

@@ -195,19 +195,16 @@ def with_numbers(result: ContactResult) -> ContactResult:
 def outside_scope(problem: ContactProblem) -> str:
     """Why the data of a problem rule out bounds of its errors under Coulomb's law; empty if they do not."""
     for contact in filter(has_coulomb, problem.contacts):
-        name, has_shear_springs = repr(contact.name), contact.tangential_stiffness is not None
-        reasons = {
-            f"are for contacts that may open: {name} keeps its distance.": contact.law != "unilateral",
-            f"need constant friction and cohesion: those of {name} vary.": (
-                callable(contact.friction) or callable(contact.cohesion)
-            ),
-            f"are for Coulomb's law without a limit of the shear stress: {name} has one.": contact.shear_limit
-            is not None,
-            f"are not for springs along a contact without springs across it: give {name} a normal stiffness, or no "
-            "tangential one.": has_shear_springs and contact.normal_stiffness is None,
-        }
-        for reason in (each for each, holds in reasons.items() if holds):
-            return f"Bounds under friction {reason}"
+        name = repr(contact.name)
+        if contact.law != "unilateral":
+            return f"Bounds under friction are for contacts that may open: {name} keeps its distance."
+        if callable(contact.friction) or callable(contact.cohesion):
+            return f"Bounds under friction need constant friction and cohesion: those of {name} vary."
+        if contact.shear_limit is not None:
+            return f"Bounds under friction are for Coulomb's law without a limit of the shear stress: {name} has one."
+        if contact.tangential_stiffness is not None and contact.normal_stiffness is None:
+            remedy = f"give {name} a normal stiffness, or no tangential one."
+            return f"Bounds under friction are not for springs along a contact without springs across it: {remedy}"
     return ""
 
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -148,7 +149,6 @@ _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
 }  # statuses of a solve that end the refinement with a status of its own
-_TRIES: Final = 2  # rounds in which bounds are useless, after which they are not tried again: states may still change
 _POSING: Final = ("degree", "law_on")  # options of the discretization, not of its solve
 
 _IN_CORNERS: Final = 3  # bisections in corners for a reference solution
@@ -220,16 +220,17 @@ class TriangleRefinement:
         return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer, reference=reference)
 
     def _bounds(self, answer: ContactResult | History, value: float, earlier: Sequence[Round]) -> Comparison | None:
-        """The error by bounds, if they exist; not tried again after they failed, or, if asked for, were useless."""
+        """The error by bounds; None if there are none, after they failed, or, if asked for, were useless twice."""
         if isinstance(answer, History):
             return None
         is_rough, is_asked = any(map(has_coulomb, answer.problem.contacts)), self.settings.guaranteed
-        can_hold = self.measure.kind in FORCES and is_asked if is_rough else self.measure.bounded
-        if is_asked:
-            have_failed = len(earlier) >= _TRIES and all(is_useless(each.answer) for each in earlier[-_TRIES:])
+        if not (self.measure.kind in FORCES and is_asked if is_rough else self.measure.bounded):
+            return None
+        if is_asked:  # states may change after the first time
+            have_failed = any(is_useless(one.answer) and is_useless(next_.answer) for one, next_ in pairwise(earlier))
         else:
             have_failed = any(np.isfinite(each.reference) for each in earlier)
-        return bounded(self.measure, value, answer) if can_hold and not have_failed else None
+        return None if have_failed else bounded(self.measure, value, answer)
 
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer compared with a reference solution; if that fails, with one degree more on the same mesh."""
