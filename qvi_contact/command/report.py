@@ -317,16 +317,16 @@ def limit_sentence(limit: LimitLoad) -> str:
     mesh, body = f"this mesh carries {_multiple(limit.lower)} these loads", "the body has no upper limit"
     if limit.upper < math.inf:
         body = "no stress of the body carries more than " + _multiple(limit.upper)
-    if not limit.in_time and limit.lower == -math.inf:
+    if limit.missing and limit.lower == -math.inf:
         return f"{body} these loads"
-    return mesh if not limit.in_time and limit.upper == math.inf else f"{mesh}; {body}"
+    return mesh if limit.missing and limit.upper == math.inf else f"{mesh}; {body}"
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
-    """The result for JSON, where infinite factors are null: `outcome` and `in_time` tell what that means."""
+    """The result for JSON, where infinite factors are null: `outcome`, `in_time` and `remarks` tell what that means."""
     outcome = "unbounded" if limit.upper == math.inf else "none" if limit.upper == -math.inf else "bounded"
     document: dict[str, Any] = {
-        "outcome": outcome if limit.in_time else "bounded",
+        "outcome": "bounded" if limit.missing else outcome,
         "in_time": limit.in_time,
         "bounds": limit.guaranteed,
         "factor": limit.lower,
