@@ -201,9 +201,8 @@ def slipping_supports(problem: ContactProblem) -> ContactProblem:
                 conditions.append(Contact(name, 0.0, cohesion=cohesion, law="bilateral"))
             else:
                 conditions.append(replace(condition, edges=name))
-    count = len(problem.contacts)
     relaxed = replace(problem, mesh=replace(mesh, edge_sets=sets), conditions=conditions)
-    return relaxed if len(relaxed.contacts) > count else problem
+    return relaxed if len(relaxed.contacts) > len(problem.contacts) else problem
 
 
 class FlowProgram:

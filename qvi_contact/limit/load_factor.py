@@ -151,8 +151,7 @@ def limit_load_factor(
     InputError
         If a name is unknown, or the loads are out of balance.
     SolveError
-        If the program from below is not solved, the linear program of the mesh to a relative accuracy of 1e-7, or if
-        neither side is found.
+        If the program from below is not solved, a linear one to a relative accuracy of 1e-7, or no side is found.
 
     """
     refuse_arguments(unknown, (*OPTIONS, "verbose"))

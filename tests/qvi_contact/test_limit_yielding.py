@@ -169,6 +169,16 @@ def test_a_bilateral_base_has_friction_under_tension_too():
         assert limit_load_factor(pulled, ["shear"]).lower == pytest.approx(factor, rel=1e-6)
 
 
+def test_signs_of_pressure_that_cannot_carry_more_are_not_tried(monkeypatch):
+    """Up to 40 were, in proofs, whose stresses are moved inside the limits a little, and where nothing is carried."""
+    programs, true, glued = [], StressProgram.program, Contact("bottom", 5.0, cohesion=3.0, law="bilateral")
+    monkeypatch.setattr(StressProgram, "program", lambda *x: programs.append(x) or true(*x))
+    for pull, analysed in ((-0.5, limit_proof), (-5.0, limit_load_factor)):
+        pulled = block(Tresca(1.0), 0.3, pull, (4, 2))
+        analysed(replace(pulled, conditions=[glued, *pulled.conditions[1:]]), ["shear"], degree=3)
+    assert len(programs) == 4
+
+
 @pytest.mark.parametrize("small", [1e-10, 1e9])
 def test_neither_side_minds_how_large_a_load_is_beside_the_others(small):
     """The same block with the shear stated in another size, which is then multiplied by as much more."""
