@@ -19,10 +19,10 @@ from tests.cases import refused_at, thinned
 from tests.qvi_contact.test_limit_answers import ground
 
 
-def stretched(strength, plane="strain", mesh=None):
-    """A block pulled along y between lines of symmetry and a free side."""
+def stretched(strength, plane="strain", mesh=None, top=1.0, right=0.0):
+    """A block pulled along y, and along x or not, beside two lines of symmetry."""
     mesh, material = mesh or TriangleMesh.rectangle((2, 2)), Material(10.0, 0.3, plane, strength)
-    sides = Traction("top", x=0, y=1.0), Traction("right", x=0, y=0), Symmetry("left"), Symmetry("bottom")
+    sides = Traction("top", x=0, y=top), Traction("right", x=right, y=0), Symmetry("left"), Symmetry("bottom")
     return ContactProblem(mesh, material, sides)
 
 
@@ -104,8 +104,7 @@ def test_what_does_not_carry_its_weight_carries_no_multiple_of_an_even_pressure(
     with deadline(1e-9), pytest.raises(SolveError, match="time limit"):  # it does not mean that nothing is carried
         LimitProblem.of(heavy, tuple(loads), 3).stresses.carried()
     assert limit_load_factor(replace(heavy, body_potential=0.0), loads, degree=3).lower == np.inf
-    lifted = replace(stretched(NoTension()), body_potential=lambda _, y: -4.0 * y)
-    lifted = replace(lifted, conditions=[Traction("top", x=0.0, y=-1.0), *lifted.conditions[1:]])
+    lifted = replace(stretched(NoTension(), top=-1.0), body_potential=lambda _, y: -4.0 * y)
     assert limit_load_factor(lifted, ["top"], degree=3).lower == np.inf  # from 4 on
 
 
@@ -114,15 +113,13 @@ def test_friction_that_varies():
     gaps = []
     for cells in (2, 4):
         strength = MohrCoulomb(1.0, lambda x, _: 2.0 * np.arctan(3.0 + x) - np.pi / 2.0)
-        columns = stretched(strength, mesh=TriangleMesh.rectangle((cells, 1)))
-        pressed = [Traction("top", x=0.0, y=lambda x, _: -3.0 - x), *columns.conditions[1:]]
-        limit = limit_load_factor(replace(columns, conditions=pressed), ["top"])
+        columns = stretched(strength, mesh=TriangleMesh.rectangle((cells, 1)), top=lambda x, _: -3.0 - x)
+        limit = limit_load_factor(columns, ["top"])
         assert limit.lower <= 2.0 <= limit.upper
         gaps.append(limit.upper - limit.lower)
     assert gaps[1] < 0.6 * gaps[0] < 0.4
     for growth in (0.0, 0.3):  # pulled all around in plane stress it tears where the angle is largest
-        wide = stretched(MohrCoulomb(0.5, lambda x, _, growth=growth: 0.3 + growth * x), "stress")
-        wide = replace(wide, conditions=[wide.conditions[0], Traction("right", x=1.0, y=0.0), *wide.conditions[2:]])
+        wide = stretched(MohrCoulomb(0.5, lambda x, _, growth=growth: 0.3 + growth * x), "stress", right=1.0)
         limit, exact = limit_load_factor(wide, ["top", "right"]), in_tension(0.5, 0.3 + growth)
         assert limit.lower == pytest.approx(exact, rel=1e-5)
         assert exact * (1.0 - 1e-6) <= limit.upper < exact * (1.0 + 1e-5 + growth)
@@ -365,11 +362,9 @@ def test_strengths_far_apart_count_each_beside_its_own(apart):
     bare = replace(dry, material=replace(dry.material, strength=NoTension()), regions=[strong])  # beside the loads
     limit = limit_load_factor(bare, ["left"], degree=3)
     assert [limit.lower, limit.upper] == pytest.approx([2.7925, 8.5714], rel=1e-3)  # 2.96 and 42.6, 13.8 and 20882
-    glued = block(MohrCoulomb(500.0, 0.3), 0.0, 1.0, cohesion=1e3 * apart)
-    limit = limit_load_factor(glued, ["shear"], degree=3)
+    limit = limit_load_factor(block(MohrCoulomb(500.0, 0.3), 0.0, 1.0, cohesion=1e3 * apart), ["shear"], degree=3)
     assert (limit.lower, limit.upper) == (pytest.approx(477.96376, rel=1e-6), pytest.approx(478.0560285, rel=1e-8))
-    fading = replace(stretched(Tresca(lambda _, y: 1.0 - y + 1.0 / apart)), body_potential=lambda _, y: -y)  # one
-    fading = replace(fading, conditions=[Traction("top", x=0.0, y=0.0), *fading.conditions[1:]])
+    fading = replace(stretched(Tresca(lambda _, y: 1.0 - y + 1.0 / apart), top=0.0), body_potential=lambda _, y: -y)
     assert limit_load_factor(fading, ["body"], degree=3).lower == pytest.approx(2.0, rel=1e-6)
     grid, dry = TriangleMesh.rectangle((3, 1)), Material(10.0, 0.3, strength=NoTension(1e8))
     at = [(0, 0), (0.29, -0.02), (0.58, -0.04), (0.86, -0.06), (-0.08, 1.58), (0.24, 1.55), (0.56, 1.53), (0.89, 1.5)]
@@ -435,17 +430,15 @@ def test_strength_may_be_divided_by_what_the_shear_leaves(c, of, fluid, exact):
 
 def test_what_has_no_cohesion_carries_any_multiple_or_none():
     """σ₁/σ₂ = 2.2 = (1 + sin φ')/(1 − sin φ') at tan φ' = tan φ/1.6912315; 0.1 % beyond, any multiple was carried."""
-    sand, pressed = stretched(MohrCoulomb(0.0, 0.6)), (Traction("top", x=0.0, y=-1.1), Traction("right", x=-0.5, y=0.0))
-    found = strength_reduction_factor(replace(sand, conditions=[*pressed, *sand.conditions[2:]]), degree=3)
+    found = strength_reduction_factor(stretched(MohrCoulomb(0.0, 0.6), top=-1.1, right=-0.5), degree=3)
     assert found.lower <= 1.691232 <= found.upper < 1.002 * found.lower
 
 
 @pytest.mark.parametrize("phi", [0.5, lambda x, _: 0.5 + 0.0 * x])
 def test_cohesion_and_the_tangent_of_the_angle_of_friction_are_divided_alike(phi):
     """A block that 2c cos φ/(1 + sin φ) tears, with c and tan φ over 1.5, is pulled with so much."""
-    pull, pulled = in_tension(1.2 / 1.5, np.arctan(np.tan(0.5) / 1.5)), stretched(MohrCoulomb(1.2, phi))
-    load = [Traction("top", x=0, y=pull), *pulled.conditions[1:]]
-    found = strength_reduction_factor(replace(pulled, conditions=load), accuracy=1e-2, degree=3)
+    pulled = stretched(MohrCoulomb(1.2, phi), top=in_tension(1.2 / 1.5, np.arctan(np.tan(0.5) / 1.5)))
+    found = strength_reduction_factor(pulled, accuracy=1e-2, degree=3)
     assert found.lower <= 1.5 * (1.0 + 1e-6) <= found.upper * (1.0 + 2e-6) < 1.53
 
 
