@@ -321,16 +321,16 @@ def limit_sentence(limit: LimitLoad) -> str:
     body = "the body has no upper limit"
     if upper < math.inf:
         body = f"no stress of the body carries more than {upper:.9g} times"
-    if not limit.in_time and lower == -math.inf:
+    if limit.missing and lower == -math.inf:
         return f"{body} these loads"
-    return mesh if not limit.in_time and upper == math.inf else f"{mesh}; {body}"
+    return mesh if limit.missing and upper == math.inf else f"{mesh}; {body}"
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
-    """The result for JSON, where infinite factors are null: `outcome` and `in_time` tell what that means."""
+    """The result for JSON, where infinite factors are null: `outcome`, `in_time` and `remarks` tell what that means."""
     outcome = "unbounded" if limit.upper == math.inf else "none" if limit.upper == -math.inf else "bounded"
     document: dict[str, Any] = {
-        "outcome": outcome if limit.in_time else "bounded",
+        "outcome": "bounded" if limit.missing else outcome,
         "in_time": limit.in_time,
         "bounds": limit.guaranteed,
         "factor": limit.lower,

@@ -203,8 +203,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     is_missed = refinement is not None and refinement.status != "reached"
     refined_lines = [] if refinement is None else [refinement.message, *[refinement.status.advice] * is_missed]
     units, reasons, remarks = problem_file.units, dict[str, str](), _time_remark(problem_file)
-    if not limit_load.in_time:
-        remarks.append("The time limit ended the search for the other bound: allow more time.")
+    if limit_load.missing:
+        remarks.append(f"The other bound was not found: {limit_load.missing.removeprefix('limit load: ')}.")
     elif limit_load.upper == math.inf:
         remarks.append(
             "If other loads act, smaller multiples, even 1, may be too small to hold the body. Under Coulomb friction "
@@ -231,7 +231,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     complete = _write_files(targets, {"plot": plot, "vtk": vtk, "report": page, "proof": proof}, reasons)
     document = {"loads": list(loads), **report.limit_document(limit_load, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*lines, *proof_lines]))
-    return 2 if not complete else 0 if limit_load.in_time and not is_missed and limit_load != -math.inf else 1
+    return 2 if not complete else 0 if not (limit_load.missing or is_missed) and limit_load != -math.inf else 1
 
 
 def _time_remark(file: ProblemFile) -> list[str]:

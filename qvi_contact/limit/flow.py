@@ -32,14 +32,7 @@ from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import APART, FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram, beside
-from qvi_contact.limit.split import (
-    coefficients_of,
-    derivatives,
-    lattice,
-    nodes_along,
-    numbered,
-    part_corners,
-)
+from qvi_contact.limit.split import coefficients_of, derivatives, lattice, nodes_along, numbered, part_corners
 from qvi_contact.limit.stresses import PASSES, Carried, YieldCones, limited, shear_laws
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID, whole_edges
@@ -208,9 +201,8 @@ def slipping_supports(problem: ContactProblem) -> ContactProblem:
                 conditions.append(Contact(name, 0.0, cohesion=cohesion, law="bilateral"))
             else:
                 conditions.append(replace(condition, edges=name))
-    count = len(problem.contacts)
     relaxed = replace(problem, mesh=replace(mesh, edge_sets=sets), conditions=conditions)
-    return relaxed if len(relaxed.contacts) > count else problem
+    return relaxed if len(relaxed.contacts) > len(problem.contacts) else problem
 
 
 class FlowProgram:

@@ -67,7 +67,9 @@ class LimitLoad(float, WithFields):
     collapse: Collapse | None = None
     """The collapse of a body that yields; None if no part of it has a strength, or if a side is not finite."""
     in_time: bool = True
-    """Whether both sides ended within the time limit. If not, the one that did not is infinite."""
+    """Whether both sides ended within the time limit."""
+    missing: str = ""
+    """Why a side was not found, which is then infinite, or that of rigid blocks alone; empty if both were found."""
     guaranteed: bool = True
     """Whether the sides are bounds, not estimates: stresses follow the body force exactly, sides of bodies that yield
     are straight, or only rigid blocks bound the factor."""
@@ -147,7 +149,7 @@ def limit_load_factor(
     InputError
         If a name is unknown, or the loads are out of balance.
     SolveError
-        If a program is not solved, the linear program of the mesh to a relative accuracy of 1e-7, or no side in time.
+        If the program from below is not solved, a linear one to a relative accuracy of 1e-7, or no side is found.
 
     """
     refuse_arguments(unknown, (*OPTIONS, "verbose"))
@@ -240,25 +242,25 @@ class LimitProblem:
     def limit(self) -> LimitLoad:
         """Both sides. The upper side of a body that yields is the smaller bound of flow and of rigid blocks.
 
-        At the time limit the side that is not known is infinite; `SolveError` if neither is.
+        A side that is not found, in time or at all, is infinite; `SolveError` if neither is found.
         """
         low, (of_blocks, mechanism) = self.low, self.of_blocks
-        is_straight, collapse, flow, in_time = not self.problem.mesh.curved.any(), None, Flow(np.inf), True
+        is_straight, collapse, flow, missing = not self.problem.mesh.curved.any(), None, Flow(np.inf), ""
         try:
             carried = self.carried
         except SolveError:
             if not deadline.over or of_blocks == np.inf:
                 raise
-            return LimitLoad(-np.inf, of_blocks, mechanism, of_blocks, 0.0, in_time=False)
+            return LimitLoad(-np.inf, of_blocks, mechanism, of_blocks, 0.0, in_time=False, missing=LATE)
         if of_blocks == -np.inf or not self.problem.yields:
             lower = _checked(carried, of_blocks, is_straight)
             return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
         try:
             flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
-        except SolveError:
-            in_time = carried.factor == np.inf  # then there is no other side
-            if not deadline.over or carried.factor == -np.inf == -of_blocks:
+        except SolveError as error:
+            if carried.factor == -np.inf == -of_blocks:
                 raise
+            missing = str(error) if carried.factor < np.inf else ""  # else there is no other side
         upper, by_blocks = min(flow.bound, of_blocks), of_blocks <= flow.bound
         lower = _checked(carried, upper, is_straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
@@ -268,7 +270,7 @@ class LimitProblem:
         is_guaranteed = (is_straight and misfit <= _FOLLOWED) or (by_blocks and lower == -np.inf)
         return LimitLoad(
             lower, upper, mechanism if by_blocks else None, upper, max(carried.violation, flow.violation), collapse,
-            in_time, is_guaranteed,
+            not (missing and deadline.over), missing, is_guaranteed,
         )  # fmt: skip
 
 

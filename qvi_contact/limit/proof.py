@@ -394,7 +394,7 @@ def exceeded(statement: Statement, program: FlowProgram) -> dict[str, Any]:
     """The part of a proof with velocities of the flow program: a bound for all stresses."""
     flow = program.solved(_KEPT_BACK_ABOVE)
     if flow.motion is None or flow.shares is None:
-        raise SolveError("proof: the loads have no finite bound from above")
+        raise SolveError("proof: no flow without slip along supports bounds the loads")
     cones, isochoric = program.cones, ~program.cones.strong
     changes_volume = (cones.pressure != 0.0) | (cones.mean != 0.0)
     isochoric[cones.cell[changes_volume]] = False

@@ -88,6 +88,11 @@ class Carried:
     farthest: float = 0.0  # factor at which the loads alone are as large as the rows, where bodies yield
 
 
+def _is_more(factor: float, than: float, relative: float) -> bool:
+    """Whether a load factor exceeds another one, of any size or infinite, by more than a relative amount."""
+    return factor > (than + relative * (1.0 + abs(than)) if np.isfinite(than) else than)
+
+
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
     """Rows and conditions of the contacts that limit tractions."""
     pairs = zip(discretization.contacts, discretization.problem.contacts, strict=True)
@@ -326,12 +331,13 @@ class StressProgram:
     def carried(self, share: float = 0.0) -> Carried:
         """The largest factor, with stresses moved the given share of the way to a state inside all limits.
 
-        Where no body yields, the simplex method solves the program; for a share it has the first answer. The stresses
-        of bodies that yield are those of the program whose limits are reduced by 1e-8, if it has an answer, so that
+        Where no body yields, the simplex method solves the program; for a share its answer is moved. The stresses of
+        bodies that yield are those of the program whose limits are reduced by 1e-8, if it has an answer, so that
         rounding does not break limits.
         """
         of_cones = self.low.problem.yields or share > 0.0
-        return self._with_signs(partial(self._within_limits, share=share) if of_cones else self._by_simplex)
+        solve = partial(self._within_limits, share=share) if of_cones else self._by_simplex
+        return self._with_signs(solve, CERTIFIED + 2.0 * share)  # the state inside may carry −α: then α falls by 2 α
 
     def _within_limits(self, signs: IntArray, share: float) -> Carried:
         """The answer for signs of bilateral pressure."""
@@ -421,32 +427,32 @@ class StressProgram:
             raise SolveError(LATE)
         return carried
 
-    def _with_signs(self, solve: Callable[[IntArray], Carried]) -> Carried:
+    def _with_signs(self, solve: Callable[[IntArray], Carried], lost: float) -> Carried:
         """The best answer over signs of bilateral pressure, at first those of programs without friction or its limit.
 
-        Then signs of single edges are changed as long as that carries more, in at most `_TRIALS` programs.
+        Then signs of single edges are changed, in `_TRIALS` programs at most, until none can carry `lost` more.
         """
         undecided = both_signs(self.low)
         signs, most, error = np.full(len(undecided), EITHER), Carried(np.inf), None
         if not undecided.any():
             return solve(signs)
-        best = first = Carried(-np.inf)
+        best = Carried(-np.inf)
         try:
-            best = first = solve(signs)
+            best = solve(signs)
         except SolveError as failure:  # other answers stay valid
             error = failure
         with suppress(SolveError):  # its bound holds for all signs; without it they are tried
             most = solve(np.full(len(undecided), ROUGH))
         starts = [np.full(len(undecided), sign) for sign in (PRESSURE, TENSION)]
-        for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
+        for tractions in (each.tractions for each in (best, most) if each.tractions is not None):
             normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
             starts.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
         single_edges = list(product(np.flatnonzero(undecided), (PRESSURE, TENSION)))
         tried = {signs.tobytes()}
-        while len(tried) < _TRIALS and not most.bound <= best.factor + CERTIFIED * (1.0 + abs(best.factor)):
+        while len(tried) < _TRIALS and _is_more(most.bound, best.factor, lost):
             changes = (np.where(np.arange(len(signs)) == edge, sign, signs) for edge, sign in single_edges)
             trial = next((each for each in chain(starts, changes) if each.tobytes() not in tried), None)
-            if trial is None or best.factor == np.inf or (deadline.over and len(tried) > len(starts)):
+            if trial is None or (deadline.over and len(tried) > len(starts)):
                 break
             tried.add(trial.tobytes())
             try:
@@ -454,7 +460,7 @@ class StressProgram:
             except SolveError as failure:
                 error = failure
                 continue
-            if found.factor > best.factor + CERTIFIED * (1.0 + abs(best.factor)) or best.factor == -np.inf:
+            if _is_more(found.factor, best.factor, CERTIFIED):
                 best, signs = found, trial
         if error is not None and best.factor == -np.inf:
             raise error
@@ -507,7 +513,7 @@ class StressProgram:
             raise SolveError(LATE)
         if not answer.solved:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
-        # violation of the answer, and the bound of its multipliers, see `carried_by_contacts`
+        # violation of the answer, and the bound of its multipliers
         x, factor = answer.x, float(answer.x[-1])
         size = max(float(np.abs(h).max()), abs(factor) * float(abs(G[:, [-1]]).max()), 1e-300)
         violation = max(float(np.maximum(G @ x - h, 0.0).max()), float(np.abs(E @ x - b).max(initial=0.0)))

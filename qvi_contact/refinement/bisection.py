@@ -504,8 +504,8 @@ class LimitStrategy:
     def assessed(self, mesh: TriangleMesh, answer: LimitProblem, earlier: Sequence[Round], /) -> Round:
         """The distance of both sides, and its parts by contact edge, or by triangle where the body yields."""
         limit = answer.limit
-        if earlier and not limit.in_time:
-            raise StopError(RefinementStatus.TIME_LIMIT)
+        if earlier and limit.missing:
+            raise StopError(RefinementStatus.UNSOLVED if limit.in_time else RefinementStatus.TIME_LIMIT, limit.missing)
         if limit.violation > _VIOLATED:
             text = f"the stresses of the mesh violate the contact laws by {limit.violation:.1e}"
             raise StopError(RefinementStatus.THIN_CELLS, text)

@@ -19,10 +19,10 @@ from tests.cases import refused_at, thinned
 from tests.qvi_contact.test_limit_answers import ground
 
 
-def stretched(strength, plane="strain", mesh=None):
-    """A block pulled along y between lines of symmetry and a free side."""
+def stretched(strength, plane="strain", mesh=None, top=1.0, right=0.0):
+    """A block pulled along y, and along x or not, beside two lines of symmetry."""
     mesh, material = mesh or TriangleMesh.rectangle((2, 2)), Material(10.0, 0.3, plane, strength)
-    sides = Traction("top", x=0, y=1.0), Traction("right", x=0, y=0), Symmetry("left"), Symmetry("bottom")
+    sides = Traction("top", x=0, y=top), Traction("right", x=right, y=0), Symmetry("left"), Symmetry("bottom")
     return ContactProblem(mesh, material, sides)
 
 
@@ -55,8 +55,9 @@ def test_a_solver_that_breaks_down_is_asked_again(x, monkeypatch):
         return real(P, q, A, b, cones, settings)
 
     monkeypatch.setattr(clarabel, "DefaultSolver", fragile)
-    with pytest.raises(SolveError, match="break their conditions") if x else nullcontext():
-        assert limit_load_factor(stretched(Tresca(0.7)), ["top"]).lower == pytest.approx(1.4, rel=1e-6)
+    limit = limit_load_factor(stretched(Tresca(0.7)), ["top"])
+    assert limit.lower == pytest.approx(0.0 if x else 1.4, rel=1e-6)  # 0 is carried
+    assert (limit.in_time, "break their conditions" in limit.missing) == (True, x > 0.0)
 
 
 @pytest.mark.parametrize("unit", [1e6, 1e-10])
@@ -103,8 +104,7 @@ def test_what_does_not_carry_its_weight_carries_no_multiple_of_an_even_pressure(
     with deadline(1e-9), pytest.raises(SolveError, match="time limit"):  # it does not mean that nothing is carried
         LimitProblem.of(heavy, tuple(loads), 3).stresses.carried()
     assert limit_load_factor(replace(heavy, body_potential=0.0), loads, degree=3).lower == np.inf
-    lifted = replace(stretched(NoTension()), body_potential=lambda _, y: -4.0 * y)
-    lifted = replace(lifted, conditions=[Traction("top", x=0.0, y=-1.0), *lifted.conditions[1:]])
+    lifted = replace(stretched(NoTension(), top=-1.0), body_potential=lambda _, y: -4.0 * y)
     assert limit_load_factor(lifted, ["top"], degree=3).lower == np.inf  # from 4 on
 
 
@@ -113,15 +113,13 @@ def test_friction_that_varies():
     gaps = []
     for cells in (2, 4):
         strength = MohrCoulomb(1.0, lambda x, _: 2.0 * np.arctan(3.0 + x) - np.pi / 2.0)
-        columns = stretched(strength, mesh=TriangleMesh.rectangle((cells, 1)))
-        pressed = [Traction("top", x=0.0, y=lambda x, _: -3.0 - x), *columns.conditions[1:]]
-        limit = limit_load_factor(replace(columns, conditions=pressed), ["top"])
+        columns = stretched(strength, mesh=TriangleMesh.rectangle((cells, 1)), top=lambda x, _: -3.0 - x)
+        limit = limit_load_factor(columns, ["top"])
         assert limit.lower <= 2.0 <= limit.upper
         gaps.append(limit.upper - limit.lower)
     assert gaps[1] < 0.6 * gaps[0] < 0.4
     for growth in (0.0, 0.3):  # pulled all around in plane stress it tears where the angle is largest
-        wide = stretched(MohrCoulomb(0.5, lambda x, _, growth=growth: 0.3 + growth * x), "stress")
-        wide = replace(wide, conditions=[wide.conditions[0], Traction("right", x=1.0, y=0.0), *wide.conditions[2:]])
+        wide = stretched(MohrCoulomb(0.5, lambda x, _, growth=growth: 0.3 + growth * x), "stress", right=1.0)
         limit, exact = limit_load_factor(wide, ["top", "right"]), in_tension(0.5, 0.3 + growth)
         assert limit.lower == pytest.approx(exact, rel=1e-5)
         assert exact * (1.0 - 1e-6) <= limit.upper < exact * (1.0 + 1e-5 + growth)
@@ -138,14 +136,14 @@ def test_friction_that_begins_at_zero_has_a_bound_with_a_cut_off_only_and_none_w
     assert (limit.lower, 0.2 <= limit.upper < 0.25) == (pytest.approx(0.2, rel=1e-5), True)
 
 
-def block(strength, mu, pressure, cells=(4, 2)):
-    """A block under the same pressure all around and in pure shear, on a rough base."""
+def block(strength, mu, pressure, cells=(4, 2), **base):
+    """A block under the same pressure all around and in pure shear, on a rough base with further data."""
     weights = ("top", {"y": -pressure}), ("left", {"x": pressure}), ("right", {"x": -pressure})
     shears = ("top", {"x": 1.0}), ("left", {"y": -1.0}), ("right", {"y": 1.0})
     loads = [Traction(side, name="weight", **along) for side, along in weights]
     loads += [Traction(side, name="shear", **along) for side, along in shears]
     mesh, material = TriangleMesh.rectangle(cells, 2.0, 1.0), Material(10.0, 0.3, "strain", strength)
-    return ContactProblem(mesh, material, [Contact("bottom", mu), *loads])
+    return ContactProblem(mesh, material, [Contact("bottom", mu, **base), *loads])
 
 
 @pytest.mark.parametrize(("mu", "c"), [(0.1, 10.0), (0.3, 1.2), (0.6, 1.0), (2.0, 0.5)])
@@ -161,9 +159,17 @@ def test_a_rough_base_or_the_block_gives_way(mu, c):
 
 def test_a_bilateral_base_has_friction_under_tension_too():
     for cells, factor in (((1, 1), 0.6), ((3, 1), np.inf)):  # pressure beside tension has friction without end
-        pulled, held = block(None, 0.3, -2.0, cells), Contact("bottom", 0.3, law="bilateral")
-        pulled = replace(pulled, conditions=[held, *pulled.conditions[1:]])
+        pulled = block(None, 0.3, -2.0, cells, law="bilateral")
         assert limit_load_factor(pulled, ["shear"]).lower == pytest.approx(factor, rel=1e-6)
+
+
+def test_signs_of_pressure_that_cannot_carry_more_are_not_tried(monkeypatch):
+    """Up to 40 were, in proofs, whose stresses are moved inside the limits a little, and where nothing is carried."""
+    programs, true = [], StressProgram.program
+    monkeypatch.setattr(StressProgram, "program", lambda *x: programs.append(x) or true(*x))
+    for pull, analysed in ((-0.5, limit_proof), (-5.0, limit_load_factor)):
+        analysed(block(Tresca(1.0), 5.0, pull, cohesion=3.0, law="bilateral"), ["shear"], degree=3)
+    assert len(programs) == 4
 
 
 @pytest.mark.parametrize("small", [1e-10, 1e9])
@@ -356,12 +362,9 @@ def test_strengths_far_apart_count_each_beside_its_own(apart):
     bare = replace(dry, material=replace(dry.material, strength=NoTension()), regions=[strong])  # beside the loads
     limit = limit_load_factor(bare, ["left"], degree=3)
     assert [limit.lower, limit.upper] == pytest.approx([2.7925, 8.5714], rel=1e-3)  # 2.96 and 42.6, 13.8 and 20882
-    sheared = block(MohrCoulomb(500.0, 0.3), 0.0, 1.0)
-    glued = [Contact("bottom", 0.0, cohesion=1e3 * apart), *sheared.conditions[1:]]
-    limit = limit_load_factor(replace(sheared, conditions=glued), ["shear"], degree=3)
+    limit = limit_load_factor(block(MohrCoulomb(500.0, 0.3), 0.0, 1.0, cohesion=1e3 * apart), ["shear"], degree=3)
     assert (limit.lower, limit.upper) == (pytest.approx(477.96376, rel=1e-6), pytest.approx(478.0560285, rel=1e-8))
-    fading = replace(stretched(Tresca(lambda _, y: 1.0 - y + 1.0 / apart)), body_potential=lambda _, y: -y)  # one
-    fading = replace(fading, conditions=[Traction("top", x=0.0, y=0.0), *fading.conditions[1:]])
+    fading = replace(stretched(Tresca(lambda _, y: 1.0 - y + 1.0 / apart), top=0.0), body_potential=lambda _, y: -y)
     assert limit_load_factor(fading, ["body"], degree=3).lower == pytest.approx(2.0, rel=1e-6)
     grid, dry = TriangleMesh.rectangle((3, 1)), Material(10.0, 0.3, strength=NoTension(1e8))
     at = [(0, 0), (0.29, -0.02), (0.58, -0.04), (0.86, -0.06), (-0.08, 1.58), (0.24, 1.55), (0.56, 1.53), (0.89, 1.5)]
@@ -420,25 +423,22 @@ def test_solve_says_where_the_elastic_stress_exceeds_the_strength(law, least, ex
 )
 def test_strength_may_be_divided_by_what_the_shear_leaves(c, of, fluid, exact):
     """Pressure 2 and shear 1: the base has μ times what the fluid leaves of the pressure, the block c."""
-    dry = block(c and Tresca(c), 0.9, 2.0, (2, 1))
-    wet = replace(dry, conditions=[Contact("bottom", 0.9, pore_pressure=fluid), *dry.conditions[1:]])
+    wet = block(c and Tresca(c), 0.9, 2.0, (2, 1), pore_pressure=fluid)
     found = strength_reduction_factor(wet, of=of, accuracy=1e-2)
     assert found.lower <= exact * (1.0 + 1e-6) <= found.upper * (1.0 + 2e-6) < found.lower + 2e-2 * exact
 
 
 def test_what_has_no_cohesion_carries_any_multiple_or_none():
     """σ₁/σ₂ = 2.2 = (1 + sin φ')/(1 − sin φ') at tan φ' = tan φ/1.6912315; 0.1 % beyond, any multiple was carried."""
-    sand, pressed = stretched(MohrCoulomb(0.0, 0.6)), (Traction("top", x=0.0, y=-1.1), Traction("right", x=-0.5, y=0.0))
-    found = strength_reduction_factor(replace(sand, conditions=[*pressed, *sand.conditions[2:]]), degree=3)
+    found = strength_reduction_factor(stretched(MohrCoulomb(0.0, 0.6), top=-1.1, right=-0.5), degree=3)
     assert found.lower <= 1.691232 <= found.upper < 1.002 * found.lower
 
 
 @pytest.mark.parametrize("phi", [0.5, lambda x, _: 0.5 + 0.0 * x])
 def test_cohesion_and_the_tangent_of_the_angle_of_friction_are_divided_alike(phi):
     """A block that 2c cos φ/(1 + sin φ) tears, with c and tan φ over 1.5, is pulled with so much."""
-    pull, pulled = in_tension(1.2 / 1.5, np.arctan(np.tan(0.5) / 1.5)), stretched(MohrCoulomb(1.2, phi))
-    load = [Traction("top", x=0, y=pull), *pulled.conditions[1:]]
-    found = strength_reduction_factor(replace(pulled, conditions=load), accuracy=1e-2, degree=3)
+    pulled = stretched(MohrCoulomb(1.2, phi), top=in_tension(1.2 / 1.5, np.arctan(np.tan(0.5) / 1.5)))
+    found = strength_reduction_factor(pulled, accuracy=1e-2, degree=3)
     assert found.lower <= 1.5 * (1.0 + 1e-6) <= found.upper * (1.0 + 2e-6) < 1.53
 
 
