@@ -73,6 +73,11 @@ def one_line(text: str, most: int = 500) -> str:
     return line if len(line) <= most else f"{line[: most - 1]}…"
 
 
+def counted(number: int, noun: str) -> str:
+    """A number with its noun, in the plural but for 1."""
+    return f"{number} {noun}{'s' if number != 1 else ''}"
+
+
 def _shorten(value: object) -> str:
     """`plain` on one line, cut in the middle to at most 120 characters: the end of a path tells more."""
     text = " ".join(plain(value).split())

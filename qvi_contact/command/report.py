@@ -21,6 +21,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
 from qvi_contact.units import Certainty, Rounding, Units, shown
+from solvers.errors import counted
 
 if TYPE_CHECKING:
     from qvi_contact.limit.load_factor import LimitLoad
@@ -169,7 +170,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     """The document of `outline` as lines of text."""
     mesh = outline["mesh"]
     yield (
-        f"mesh: {mesh['cells']} triangle{'s'[: mesh['cells'] - 1]}, "
+        f"mesh: {counted(mesh['cells'], 'triangle')}, "
         f"edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} long; "
         f"x from {mesh['x'][0]:.9g} to {mesh['x'][1]:.9g}, y from {mesh['y'][0]:.9g} to {mesh['y'][1]:.9g}"
     )
@@ -179,7 +180,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     for material in outline["materials"]:
         yield (
             f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
-            f"plane {material['plane']}, {material['cells']} cell{'s'[: material['cells'] - 1]}"
+            f"plane {material['plane']}, {counted(material['cells'], 'cell')}"
             + "".join(f", {_toml({name: value})}" for name, value in material.items() if name not in _ELASTIC)
         )
     if outline["temperature"] != 0.0:

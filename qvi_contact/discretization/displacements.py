@@ -185,15 +185,15 @@ class DisplacementSpace:
 
     def inverse_jacobians(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """∂t_a/∂x_b as [cell, point, a, b]; with one point for all points if no cell has arcs."""
-        return np.asarray(np.linalg.inv(self._mapped(cells, self._varied(t))[1]))
+        if not self.mesh.curved[cells].any():
+            return np.asarray(self.slopes[cells][:, None])
+        return np.asarray(np.linalg.inv(self._mapped(cells, t)[1]))
 
     def measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
         """Quadrature weights (cells, q) from weights (q,) at points t (q, 2) of the reference cell."""
-        return np.asarray(np.abs(np.linalg.det(self._mapped(slice(None), self._varied(t))[1])) * weights)
-
-    def _varied(self, t: FloatArray) -> FloatArray:
-        """The points t (..., k, 2), or the first of them if derivatives of the map are constants on all cells."""
-        return t if self.mesh.curved.any() else t[..., :1, :]
+        if not self.mesh.curved.any():
+            return np.asarray(self.areas[:, None] * weights)
+        return np.asarray(np.abs(np.linalg.det(self._mapped(slice(None), t)[1])) * weights)
 
     def _mapped(self, cells: IntArray | slice, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points x (k, q, 2) and ∂x_b/∂t_a (k, q, b, a) at reference points t, (q, 2) or (k, q, 2), of k cells."""
@@ -204,6 +204,8 @@ class DisplacementSpace:
         # each arc adds λ_a λ_b q to x, and the derivative of this product to the slopes
         for s, (a, b) in enumerate(EDGES):
             bent = np.flatnonzero(bends[:, s].any(axis=1))  # most cells with arcs have one
+            if not len(bent):
+                continue
             chord = corners[bent, b] - corners[bent, a]
             bulge = arc_offsets(chord, bends[bent, s], nodes) - nodes[:, None] * chord[:, None]
             q = legendre_from_values(len(nodes) - 1, len(nodes)) @ (bulge / (nodes * (1.0 - nodes))[:, None])

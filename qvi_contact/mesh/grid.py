@@ -127,21 +127,23 @@ def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshPart
     is_upper, is_right = 2 * row + 1 >= is_body.shape[0], 2 * column + 1 >= is_body.shape[1]
     ends, is_outer = sides_of(quads)
     sets = {name: ends[is_outer[:, side], side] for side, name in enumerate(SIDES)}
-    return MeshParts(vertices, triangles_of(vertices, quads, is_upper != is_right)[0], sets).without_others()
+    triangles, _ = triangles_of(vertices, quads, is_outer, prefers_bd=is_upper != is_right)
+    return MeshParts(vertices, triangles, sets).without_others()
 
 
 def triangles_of(
-    points: FloatArray, cells: IntArray, prefers_bd: BoolArray | bool = False
+    points: FloatArray, cells: IntArray, on_boundary: BoolArray | None = None, *, prefers_bd: BoolArray | bool = False
 ) -> tuple[IntArray, IntArray]:
     """Triangles (t, 3) of cells (m, 4), and the cell (t,) of each; triangles have their last corner twice in `cells`.
 
     A quadrilateral in a corner of the body is cut from that corner, as in `TriangleMesh.grid`. Otherwise the diagonal
-    with the larger smaller triangle is taken, of two equal ones the first, or the second where `prefers_bd`.
+    with the larger smaller triangle is taken, of two equal ones the first, or the second where `prefers_bd`. Give the
+    sides `on_boundary` (m, 4) if `sides_of` has been called.
     """
     quads = cells[:, 3] != cells[:, 2]
     if not quads.any():
         return cells[:, :3], np.arange(len(cells))
-    _, on_boundary = sides_of(cells)
+    on_boundary = sides_of(cells)[1] if on_boundary is None else on_boundary
     in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # of the body, at a, b, c, d
     a, b, c = points[cells[:, [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]]]].transpose(2, 0, 1, 3)
     with np.errstate(all="ignore"):  # `TriangleMesh` refuses coordinates that are too large or not finite

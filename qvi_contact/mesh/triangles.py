@@ -43,7 +43,7 @@ from qvi_contact.mesh.selection import (
     triangles_in_box,
 )
 from solvers.basics.types import Kept, PicklesFields, load, read_only
-from solvers.errors import known_name
+from solvers.errors import counted, known_name
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
@@ -90,7 +90,7 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
             if names:
                 more = f" and {len(names) - _NAMES_IN_REPR} more" if len(names) > _NAMES_IN_REPR else ""
                 parts += f"; {kind} {', '.join(names[:_NAMES_IN_REPR])}{more}"
-        cells = f"{len(self.cells)} triangle{'s' if len(self.cells) > 1 else ''} with {len(self.vertices)} vertices"
+        cells = f"{counted(len(self.cells), 'triangle')} with {len(self.vertices)} vertices"
         return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{parts}>"
 
     def _repr_png_(self) -> bytes | None:

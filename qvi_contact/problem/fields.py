@@ -26,7 +26,7 @@ from qvi_contact.mesh.files import corners_of, reading
 from qvi_contact.mesh.grid import triangles_of
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import PicklesFields, load
-from solvers.errors import known_name, one_line
+from solvers.errors import counted, known_name, one_line
 
 _MAX_LENGTH: Final = 2000  # characters of an expression
 _MAX_SHOWN: Final = 60  # characters of a part of an expression in a message
@@ -199,7 +199,7 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=keywords) if name in FUNCTIONS:
             n_arguments = _ARGUMENTS.get(name, 1)  # NumPy would write its result to a further argument
             if keywords or len(arguments) != n_arguments:
-                raise ValueError(f"{name} takes {n_arguments} argument{'s' if n_arguments > 1 else ''}")
+                raise ValueError(f"{name} takes {counted(n_arguments, 'argument')}")
             return FUNCTIONS[name](*(_value(each, names) for each in arguments))
         case ast.Call(func=function):
             raise ValueError(f"{_shown(function)} is not a known function; there are {', '.join(FUNCTIONS)}")

@@ -34,6 +34,7 @@ from qvi_contact.units import Certainty
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import columns_of, frame
+from solvers.errors import counted
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -112,7 +113,7 @@ class Outcome(WithFields):
         text = (
             f"{self.status.value}: {self.quantity} = {self.value:.9g}, {error} {self.estimate:.1e}, "
             f"{sense} the target {self.target:.1e}, with {last.unknowns} unknowns on {last.cells} triangles after "
-            f"{len(self.rounds)} {'round' if len(self.rounds) == 1 else 'rounds'}"
+            f"{counted(len(self.rounds), 'round')}"
         )
         return f"{text}; {self.reason}" if self.reason else text
 

@@ -31,6 +31,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import Settings, pressures
 from solvers import QVISolution, Status
 from solvers.basics.progress import Log, Progress, deadline, report
+from solvers.errors import counted
 from solvers.factorisation.base import FactorisationError
 from solvers.solution import Attempt, Start
 from solvers.solve import facts_of
@@ -204,5 +205,5 @@ def _with_proof(result: ContactResult) -> ContactResult:
     else:
         return result
     count = result.iterations
-    message = f"{status.words} after {count} iteration{'s' if count != 1 else ''}; {proof}. {status.advice}"
+    message = f"{status.words} after {counted(count, 'iteration')}; {proof}. {status.advice}"
     return ContactResult(result.discretization, replace(result.solution, status=status, message=message))

@@ -8,12 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, LimitLoad, RigidPlate, Symmetry, Traction, Tresca, TriangleMesh, limit_proof, solve
+from qvi_contact import LimitLoad, RigidPlate, Symmetry, Traction, Tresca, TriangleMesh, limit_load_factor, solve
 from qvi_contact.files import load_problem, problem_from_toml, problem_to_toml, save_problem
-from qvi_contact.limit import FlowProgram, LimitProblem, StressProgram, check, limit_load_factor
-from qvi_contact.limit.load_factor import strength_reduction_factor
+from qvi_contact.limit import FlowProgram, LimitProblem, StressProgram, check, limit_proof, strength_reduction_factor
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Mises, MohrCoulomb, NoTension, Region
-from solvers import SolveError
+from solvers import InputError, SolveError
 from solvers.basics import deadline
 from tests.cases import refused_at, thinned
 from tests.qvi_contact.test_limit_answers import ground
