@@ -68,8 +68,10 @@ def factorise(
     is_interface_only = interface.size == n  # S = K
     name = DENSE if is_small or is_interface_only or backend == DENSE else resolve(backend)
     diagonal = K.diagonal()
-    if not np.all(diagonal > 0.0):
-        row = int(np.argmin(diagonal > 0.0))
+    is_definite = diagonal > 0.0
+    is_definite[interface] = True  # of K_II alone: equations may fix what K does not
+    if not is_definite.all():
+        row = int(np.argmin(is_definite))
         raise FactorisationError("singular", name, f"diagonal entry {row} of K is {diagonal[row]:.3g}")
     try:
         if name == DENSE:

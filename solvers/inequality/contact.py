@@ -263,7 +263,7 @@ class EqualitySystem:
         S, A, rho = self.schur, self.A, 0.0
         if len(A) and len(S):
             square = A.T @ A
-            rho = float(np.trace(S) / max(np.trace(square), np.finfo(float).tiny))
+            rho = float(np.trace(S) / (np.trace(square) or np.inf))  # 0 if all rows of A are zero
             S = S + rho * square
         cholesky, info = dpotrf(S, lower=1, clean=0) if len(S) else (S, 0)
         if info:
