@@ -31,7 +31,9 @@ from solvers.solution import QVISolution
 LARGEST: Final = 2000
 """Contact points up to which derivatives are computed: their matrices are dense."""
 
-_ZERO: Final = 1e-6  # w over the largest traction, and x over the largest displacement, that count as 0
+# w over the largest traction, and x over the largest displacement, that count as 0; of x also the traction that it
+# relieves at its own point, as displacements of points with very different weights are not comparable
+_ZERO: Final = 1e-6
 _UNLOADED: Final = 1e-3  # least scale of stress, in its unit, for contacts without load
 _RANK: Final = 1e-12  # singular values of rows below this share of the largest are zero
 _SINGULAR: Final = 1e-9  # residual of the dense system, over its right-hand side, above which it is singular
@@ -67,17 +69,19 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
     pressure, stress = law.pressed(normal), max(_UNLOADED, largest(qvi.tractions(z)))
     with np.errstate(invalid="ignore"):  # infinite caps: inf − inf
         mu, cohesion, cap = (sign * (getattr(moved, name) - getattr(base, name)) for name in ("mu", "cohesion", "cap"))
-    is_capped = law.cap < law.cohesion + law.mu * pressure
+    is_capped = law.cap <= law.cohesion + law.mu * pressure
     bound = law.threshold(pressure)
     slope = np.where(is_capped, 0.0, law.mu * np.where(law.bilateral & (normal > 0.0), -1.0, 1.0))
     limit = np.where(is_capped, cap, cohesion + mu * pressure)
     # Bounds with w = 0, and those with x > 0: of σ_N, then of σ_T on both sides.
-    relief = np.stack([solution.normal_multiplier, solution.tangential_multiplier]) / qvi.W
+    multipliers = np.stack([solution.normal_multiplier, solution.tangential_multiplier])
+    relief, own_traction = multipliers / qvi.W, multipliers * condensed.compliance.diagonal().reshape(2, m)
     least, size = stress / (qvi.contact_stiffness or 1.0), float(np.abs(relief).max(initial=0.0))
     size = size if size > _ZERO * least else least
+    has_relief = (np.abs(relief) > _ZERO * size) | (np.abs(own_traction) > _ZERO * stress)
     is_unpressed = ~law.bilateral & (-normal <= _ZERO * stress)
-    is_open = is_unpressed & (relief[0] > _ZERO * size)
-    is_slipping = np.abs(relief[1]) > _ZERO * size
+    is_open = is_unpressed & has_relief[0] & (relief[0] > 0.0)
+    is_slipping = has_relief[1]
     # A bound that is zero and stays zero is one equation, σ_T = 0.
     is_zero_bound = (bound <= _ZERO * stress) & (limit == 0.0) & ((slope == 0.0) | is_open)
     sides = np.array([[1.0], [-1.0]])
@@ -99,10 +103,10 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
     if largest((q + M @ x)[is_active]) > _UNSOLVABLE * changed:  # e.g. the friction of a body that slides freely
         remedy = "the parameter drives a motion that nothing determines: add a support, or give it another value"
         raise InputError("derivative", "none found", remedy)
-    multipliers = np.zeros(2 * m)
-    np.add.at(multipliers, columns, multiplier_sign * x)
-    dz, nu = system.solve(force - B.T @ multipliers, b)
-    return Change(dz, multipliers[:m], multipliers[m:], nu, not is_active.all())
+    dm = np.zeros(2 * m)
+    np.add.at(dm, columns, multiplier_sign * x)
+    dz, nu = system.solve(force - B.T @ dm, b)
+    return Change(dz, dm[:m], dm[m:], nu, not is_active.all())
 
 
 def _relieved(M: Matrix, q: Vector, is_active: BoolVector) -> Vector:

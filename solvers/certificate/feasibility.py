@@ -16,19 +16,20 @@ energy. The fixed point can start from it: with its pressure s the inner problem
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, diags_array, hstack
+from scipy.sparse import coo_array, csc_array, diags_array, eye_array, hstack
 
 from solvers.basics.progress import deadline
 from solvers.basics.types import BoolVector, IntVector, Sparse, Vector
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import by_columns
+from solvers.inequality.rows import by_columns, largest
 from solvers.inner.linear_program import BackendFailure, attempt, real_vector, solved
 from solvers.inner.qp import clarabel_solver
 
 _EXCLUDED_SIZE = 1e4
-"""A proof must exclude every z with max |z| up to this multiple of the bonded solution's max |z|."""
+"""A proof must exclude every z up to this multiple of the sizes that `is_farkas` names."""
 
 _LEAST_VIOLATION = 1e-9
 """Violation of a row, over the largest |h|, that makes a problem without unknowns infeasible."""
@@ -96,14 +97,23 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
     """Whether (y, ν) proves that C is empty, despite rounding.
 
     For z in C: 0 ≤ yᵀ(h − G z) + νᵀ(b − A z) = (hᵀy + bᵀν) − (Gᵀy + Aᵀν)ᵀz, so with hᵀy + bᵀν = −d < 0 every point of C
-    has max |z| ≥ d / Σ |Gᵀy + Aᵀν|. The proof counts if that exceeds `_EXCLUDED_SIZE` times the bonded solution.
+    has max |z_i| D_i ≥ d / Σ |Gᵀy + Aᵀν|_i / D_i, D² the diagonal of K. The proof counts if that exceeds `_EXCLUDED_SIZE`
+    times the same size of the bonded solution, and times the size at which single terms of the sum reach those of d.
     """
     if not (np.isfinite(y).all() and np.isfinite(nu).all()) or y.min(initial=0.0) < 0:
         return False
-    rows = AdmissibleRows.of(qvi)
+    rows, D, sizes = AdmissibleRows.of(qvi), _unknown_sizes(qvi), np.abs(nu)
     deficit = -float(rows.h @ y + qvi.b @ nu)
-    size = float(np.abs(qvi.bonded).max(initial=0.0)) or 1.0
-    return deficit > 0 and deficit >= _EXCLUDED_SIZE * size * float(np.abs(rows.G.T @ y + qvi.A.T @ nu).sum())
+    rest = float((np.abs(rows.G.T @ y + qvi.A.T @ nu) / D).sum())
+    terms = float(((abs(rows.G).T @ y + abs(qvi.A).T @ sizes) / D).sum())
+    bonded, right = largest(D * qvi.bonded), float(np.abs(rows.h) @ y + np.abs(qvi.b) @ sizes)
+    return deficit > 0 and deficit >= _EXCLUDED_SIZE * bonded * rest and deficit * terms >= _EXCLUDED_SIZE * right * rest
+
+
+def _unknown_sizes(qvi: FrictionQVI) -> Vector:
+    """D (n,): z_i D_i has the unit √energy for every unknown, D_i² = K_ii; 1 where K_ii = 0."""
+    diagonal = qvi.stiffness.diagonal
+    return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
 
 def check_feasibility(qvi: FrictionQVI) -> Feasibility:
@@ -145,12 +155,39 @@ def refuted(qvi: FrictionQVI, seconds: float | None = None) -> Feasibility | Non
     return Feasibility(False, None, without_friction or proof, _PROVED)
 
 
+class _Scaled(NamedTuple):
+    """G x ≤ h, A x = b of chosen rows, in units in which entries of [G; A] and h are at most 1, as back ends expect."""
+
+    G: Sparse
+    h: Vector
+    A: Sparse
+    b: Vector
+    unit: Vector  # (n,), z = unit · x
+    equations: Vector  # (p,), ν for multipliers y of G z ≤ h is `equations` times that of A x = b
+
+    @classmethod
+    def of(cls, qvi: FrictionQVI, G: Sparse, h: Vector) -> _Scaled:
+        """The chosen rows G z ≤ h and the equations of a problem."""
+        D, stress = diags_array(1.0 / _unknown_sizes(qvi)), largest(h) or 1.0
+        G, A = csc_array(G @ D), csc_array(qvi.A @ D)
+        size = largest(G.data) or 1.0
+        sizes = np.asarray(abs(A).max(axis=1).toarray()).ravel() if A.nnz else np.ones(qvi.p)
+        sizes[sizes == 0.0] = 1.0
+        unit = stress / size / _unknown_sizes(qvi)
+        A = csc_array(diags_array(1.0 / sizes) @ A)
+        return cls(csc_array(G / size), h / stress, A, qvi.b * size / (stress * sizes), unit, size / sizes)
+
+
 def _farkas(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector) -> tuple[Vector, Vector] | None:
     """Multipliers (y, ν) of the least violation t, if they prove that no z with A z = b meets the chosen rows."""
-    G, h = rows.G[chosen], rows.h[chosen]
+    G, h, A, b, _, of_equations = _Scaled.of(qvi, rows.G[chosen], rows.h[chosen])
+    if qvi.p:  # equations that contradict each other: the residual r of least squares has Aᵀr = 0
+        proof = np.zeros(rows.h.size), of_equations * (A @ np.linalg.lstsq(A.toarray(), b)[0] - b)
+        if is_farkas(qvi, *proof):
+            return proof
     if not h.size:
         return None
-    equations = {"A_eq": csc_array(hstack([qvi.A, csc_array((qvi.p, 1))])), "b_eq": qvi.b} if qvi.p else {}
+    equations = {"A_eq": csc_array(hstack([A, csc_array((qvi.p, 1))])), "b_eq": b} if qvi.p else {}
     answer = solved(
         np.append(np.zeros(qvi.n), 1.0),
         A_ub=csc_array(hstack([G, csc_array(-np.ones((h.size, 1)))])),
@@ -162,27 +199,28 @@ def _farkas(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector) -> tuple
         return None
     y = np.zeros(rows.h.size)
     y[chosen] = np.maximum(-answer.inequalities, 0.0)
-    nu = -answer.equations
+    nu = -answer.equations * of_equations if qvi.p else np.zeros(0)
     return (y, nu) if is_farkas(qvi, y, nu) else None
 
 
 def _nearest(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice = slice(None)) -> Feasibility:
     """The point of A z = b and the chosen rows that is nearest to the bonded state, by Clarabel."""
-    weights, G, h = qvi.stiffness.diagonal, csc_array(rows.G[chosen]), rows.h[chosen]
+    program = _Scaled.of(qvi, rows.G[chosen], rows.h[chosen])
     options = {"tol_infeas_abs": 1e-11, "tol_infeas_rel": 1e-11, "time_limit": deadline.left}
 
     def solve() -> tuple[str, Vector, Vector]:
-        answer = clarabel_solver(csc_array(diags_array(weights)), -weights * qvi.bonded, qvi, G, h, options).solve()
-        return str(answer.status), real_vector("x", answer.x, qvi.n), real_vector("z", answer.z, qvi.p + h.size)
+        P, q = csc_array(eye_array(qvi.n)), -qvi.bonded / program.unit
+        answer = clarabel_solver(P, q, program.A, program.b, program.G, program.h, options).solve()
+        return str(answer.status), real_vector("x", answer.x, qvi.n), real_vector("z", answer.z, qvi.p + program.h.size)
 
     outcome = attempt("feasibility check failed", solve)
     if isinstance(outcome, BackendFailure):
         return Feasibility(None, None, None, str(outcome))
-    word, z, multipliers = outcome
-    y, nu = np.zeros(rows.h.size), multipliers[: qvi.p]
+    word, x, multipliers = outcome
+    y, nu = np.zeros(rows.h.size), multipliers[: qvi.p] * program.equations
     y[chosen] = np.maximum(multipliers[qvi.p :], 0.0)
     if "PrimalInfeasible" in word and is_farkas(qvi, y, nu):
         return Feasibility(False, None, (y, nu), _PROVED)
-    if word in ("Solved", "AlmostSolved") and np.isfinite(z).all():
-        return Feasibility(True, z, None, "the load can be carried by some admissible traction")
+    if word in ("Solved", "AlmostSolved") and np.isfinite(x).all():
+        return Feasibility(True, program.unit * x, None, "the load can be carried by some admissible traction")
     return Feasibility(None, None, None, f"whether the load can be carried was not decided ({word})")

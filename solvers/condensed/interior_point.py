@@ -187,7 +187,7 @@ class InteriorPoint:
         reach = min(1.0, _longest(point, affine))
         affine_work = max(self._work(point.moved(affine, reach)), 0.0)
         most = _MOST_CENTRING if self._n_stragglers else 1.0
-        centring = min(most, max((affine_work / max(work, _TINY)) ** 3, 1e-6, (1.0 - reach) ** 3))
+        centring = min(most, max(min(1.0, affine_work / max(work, _TINY)) ** 3, 1e-6, (1.0 - reach) ** 3))
         damping = 1.0 if reach >= _SHORT_PREDICTOR else reach**2
         # The corrected step to the target, without the second order of the predictor.
         target = max(centring * tau, self.lowest(residuals, tau)) * self.omega

@@ -176,15 +176,17 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
 # Cite: P. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs with quadratic objectives.
 
 
-def clarabel_solver(P: Sparse, q: Vector, qvi: FrictionQVI, G: Sparse, h: Vector, options: Mapping[str, Any]) -> Any:
+def clarabel_solver(
+    P: Sparse, q: Vector, A: Sparse, b: Vector, G: Sparse, h: Vector, options: Mapping[str, Any]
+) -> Any:
     """Clarabel's solver of min ½zᵀPz + qᵀz with A z = b and G z ≤ h, silent and without presolve."""
     clarabel = load("clarabel")
     settings = clarabel.DefaultSettings()
     for name, value in {**options, "verbose": False, "presolve_enable": False}.items():
         setattr(settings, name, value)
-    cones = [*([clarabel.ZeroConeT(qvi.p)] if qvi.p else []), clarabel.NonnegativeConeT(h.size)]
-    rows = csc_array(vstack([qvi.A, G])) if qvi.p else G
-    return clarabel.DefaultSolver(csc_array(triu(P)), q, rows, np.concatenate([qvi.b, h]), cones, settings)
+    cones = [*([clarabel.ZeroConeT(b.size)] if b.size else []), clarabel.NonnegativeConeT(h.size)]
+    rows = csc_array(vstack([A, G])) if b.size else G
+    return clarabel.DefaultSolver(csc_array(triu(P)), q, rows, np.concatenate([b, h]), cones, settings)
 
 
 class DirectClarabel:
@@ -197,7 +199,7 @@ class DirectClarabel:
         options = BACKENDS[name].settings(tolerance) if options is None else options
         options = {**options, "chordal_decomposition_enable": False, "input_sparse_dropzeros": False}
         right = np.ones(3 * qvi.m)  # a placeholder: `solve` sets the right-hand side
-        self._solver = clarabel_solver(qvi.K, -qvi.f, qvi, limited_rows(qvi), right, options)
+        self._solver = clarabel_solver(qvi.K, -qvi.f, qvi.A, qvi.b, limited_rows(qvi), right, options)
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
         """Solve for the friction bound `threshold` (m,); `start` is not used."""
