@@ -240,18 +240,17 @@ def masonry_wall(
     openings: Sequence[Opening] = DOOR_AND_WINDOW,
     *,
     friction: float = 0.6,
-    cohesion: float = 0.0,
     wind: float = 2.0,
 ) -> ContactProblem:
     """A wall of blocks in running bond with openings, under its weight and wind from the left, in its plane.
 
     Blocks are 0.5 m long and 0.25 m high, with γ = 20 kN/m³, E = 5 GPa, ν = 0.2, in plane stress. Head joints of each
     course lie over the middle of the blocks below; half blocks fill the ends. A lintel, one course high and resting on
-    half a block at each side, spans each `Opening`. All joints are unilateral contacts with the same friction and
-    cohesion [kPa]: "beds", "heads", and "ground" below the wall. The loads are "body" (weight), and "wind" on the left
-    side [kPa]. Lintels must lie inside the wall and may not touch other openings and lintels.
+    half a block at each side, spans each `Opening`. All joints are unilateral contacts with the same friction: "beds",
+    "heads", and "ground" below the wall. The loads are "body" (weight), and "wind" on the left side [kPa]. Lintels must
+    lie inside the wall and may not touch other openings and lintels.
 
-    Without openings and cohesion, a wall with n blocks of length a in each course slides at the wind μ γ n a, on every
+    Without openings, a wall with n blocks of length a in each course slides at the wind μ γ n a, on every
     bed at the same load. A stack of single blocks of total height h tips at γ a²/h if it does not slide.
     """
     active, heads = _bond(whole_number("courses", courses, _MOST), 2 * whole_number("blocks", blocks, _MOST), openings)
@@ -264,7 +263,7 @@ def masonry_wall(
     masks |= {"ground": outside & (row == 0.0), "windward": outside & (line == 0.0), "top": outside & (row == rows)}
     masks["free"] = outside & ~np.any(list(masks.values()), axis=0)
     mesh = _with_names(mesh, masks)
-    joints = [Contact(name, friction, cohesion=cohesion) for name in ("ground", *mesh.joint_names)]
+    joints = [Contact(name, friction) for name in ("ground", *mesh.joint_names)]
     loads: list[Condition] = [
         Traction("windward", x=finite_number("wind", wind), y=0.0, name="wind"),
         *(Traction(name, x=0.0, y=0.0) for name in ("top", "free")),
@@ -307,7 +306,6 @@ def jointed_slope(
     *,
     dip: float = 30.0,
     friction: float = 0.7,
-    cohesion: float = 0.0,
     crack_water: float = 1.0,
 ) -> ContactProblem:
     """A rock slope whose bedding planes dip out of its face, cut by cross joints, with water in a tension crack.
@@ -320,14 +318,14 @@ def jointed_slope(
 
     `rows` is the number of bedding planes, and of blocks along the face. `crest` is the length of the crest in columns,
     below `rows`; a column is as wide as the run of the face between two bedding planes. The angle β [°] is `dip`, from
-    5 to 60. The water weighs `crack_water` times 10 kN/m³. All joints have this `friction` and `cohesion` [kPa].
+    5 to 60. The water weighs `crack_water` times 10 kN/m³. All joints have this `friction`.
 
-    With the weight W above the lowest plane, its length L, the depth z of the crack, and the thrust V = γ_w z²/2 of the
-    water, everything above that plane slides at the multiple α of V with
+    With the weight W above the lowest plane, the depth z of the crack, and the thrust V = γ_w z²/2 of the water,
+    everything above that plane slides at the multiple α of V with
 
-        W sin β + α V cos β = c L + μ (W cos β − α V sin β).
+        W sin β + α V cos β = μ (W cos β − α V sin β).
 
-    Without water and cohesion the factor of safety is tan φ/tan β with tan φ = μ: the blocks of every layer slide when
+    Without water the factor of safety is tan φ/tan β with tan φ = μ: the blocks of every layer slide when
     μ is divided by this factor. Source: E. Hoek and J. W. Bray, Rock Slope Engineering, plane failure.
     """
     columns = whole_number("rows", rows, _MOST) + whole_number("crest", crest, _MOST)
@@ -339,7 +337,7 @@ def jointed_slope(
     run = rise / float(np.tan(np.radians(dip)))
     water = _WATER_WEIGHT * finite_number("crack_water", crack_water)
     conditions: list[Condition] = [
-        *(Contact(name, friction, cohesion=cohesion) for name in ("bedding", "cross joints")),
+        *(Contact(name, friction) for name in ("bedding", "cross joints")),
         Traction("crack", normal=Polynomial([[-water * _SLOPE_HEIGHT, water]]), tangential=0.0, name="water"),
         *(Traction(side, x=0.0, y=0.0) for side in ("bench", "face", "crest")),
         *(Symmetry(side) for side in ("front", "rear")),

@@ -105,12 +105,12 @@ class MeshParts:
 
     def without_others(self) -> "MeshParts":
         """The data without vertices that belong to no triangle; in edges their number becomes −1."""
-        used_vertices = np.unique(self.cells)
-        new_number = np.full(len(self.vertices), -1)
-        new_number[used_vertices] = np.arange(len(used_vertices))
+        is_used = np.zeros(len(self.vertices), dtype=bool)
+        is_used[self.cells] = True  # much faster than `np.unique` of the cells
+        new_number = np.where(is_used, np.cumsum(is_used) - 1, -1)
         sets = {name: new_number[pairs] for name, pairs in self.edge_sets.items()}
         arcs = [Curve(new_number[arc.edges], arc.coefficients) for arc in self.arcs]
-        return MeshParts(self.vertices[used_vertices], new_number[self.cells], sets, self.regions, arcs)
+        return MeshParts(self.vertices[is_used], new_number[self.cells], sets, self.regions, arcs)
 
     @cached_property
     def topology(self) -> Topology:

@@ -16,7 +16,7 @@ from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bent_too_far
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, part_of, reversed_bends, shares_along
-from qvi_contact.mesh.selection import ASLANT, in_circles, known_edges, new_name, numbers_of
+from qvi_contact.mesh.selection import ASLANT, crossing, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
 _EQUAL: Final = 1e-9  # sides whose lengths differ by less, relative to the longer one, are equally long
@@ -26,6 +26,7 @@ _JOIN_DISTANCE: Final = 1e-6  # the same for two bodies to be joined, whose coor
 _SLIT_WIDTH: Final = 30.0  # a hole between bodies is refused if narrower than this × the distance for joining
 _ON_EDGE: Final = 1e-9  # a vertex at this distance from an edge, relative to the edge's length, lies on it
 _MAX_ROUNDING: Final = 1e-3  # largest such distance that rounded data may explain
+_CHORDS: Final = 8  # of an arc, where it is compared with other sides of the body
 
 
 def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray, IntArray]:
@@ -99,6 +100,24 @@ def refuse_flaws(mesh: MeshParts) -> None:
             "merged with a larger tolerance (Geometry.Tolerance in Gmsh)"
         )
         raise InputError("TriangleMesh", int(piece.max()) + 1, remedy)
+
+
+def refuse_overlap(mesh: MeshParts) -> None:
+    """`InputError` where two sides of the body cross, arcs as lines of many chords: the body lies on itself there."""
+    topology = mesh.topology
+    ends, bends = mesh.vertices[topology.ends[topology.outer]], mesh.bends[topology.outer]
+    is_arc, chord = bends.any(axis=1), ends[:, 1] - ends[:, 0]
+    arcs = ends[is_arc, :1] + arc_offsets(chord[is_arc], bends[is_arc], np.linspace(0.0, 1.0, _CHORDS + 1))
+    arcs[:, -1] = ends[is_arc, 1]  # without rounding, so that neighbours do not cross
+    segments = np.concatenate([ends[~is_arc], np.stack([arcs[:, :-1], arcs[:, 1:]], axis=2).reshape(-1, 2, 2)])
+    lengths, farthest = np.hypot(*(segments[:, 1] - segments[:, 0]).T), float(np.abs(mesh.vertices).max())
+    crossed = crossing(segments, np.maximum(_MAX_ROUNDING * lengths, 16.0 * np.finfo(float).eps * farthest))
+    if len(crossed):
+        remedy = (
+            "two sides of the body cross around this point, so the body overlaps itself: correct the vertices there, "
+            "or divide arcs into shorter edges"
+        )
+        raise InputError("TriangleMesh", place_of(segments[crossed.min()].mean(axis=0)), remedy)
 
 
 def _refuse(is_wrong: BoolArray, numbers: IntArray, remedy: str, places: FloatArray) -> None:

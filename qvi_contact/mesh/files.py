@@ -384,6 +384,7 @@ class _AbaqusFile:
         self._shells = set[int]()  # numbers of shells and membranes
         self._of_assembly = {"NSET": set[int](), "ELSET": set[int]()}  # numbers of an assembly's own nodes and elements
         self._members = defaultdict[_Key, _Members](lambda: defaultdict(list))
+        self._of_elements = list[tuple[list[_Member], _Member]]()  # members of node sets, and the elements with them
         self._called = dict[_Key, str]()  # the spelling of the names of sets, but not of sets that programs have named
         self._sections = list[tuple[str, dict[str, str], list[str]]]()
         is_continued = False
@@ -462,6 +463,8 @@ class _AbaqusFile:
                 self._read_elements(options, rows, of_assembly)
             elif keyword in _SETS and "COMBINE" not in options and options.get("TYPE", "NODE").upper() in _OF_MESH:
                 self._read_set(keyword, options, rows, of_assembly)
+        for members, elements in self._of_elements:  # which may stand below
+            members += chain.from_iterable(self._elements[number] for number in self._numbers("ELSET", [elements]))
 
     def _read_nodes(self, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
         if of_assembly:  # reference points
@@ -510,8 +513,7 @@ class _AbaqusFile:
             return int(name) if name.isdigit() else (is_inside and not instance, name)
 
         if keyword == "NSET" and options.get("ELSET"):  # the nodes of elements
-            for number in self._numbers("ELSET", [member(options["ELSET"])]):
-                members[""] += self._elements[number]
+            self._of_elements.append((members[""], member(options["ELSET"])))
         for words in rows:
             if "GENERATE" in options:
                 first, last, *step = map(int, words)

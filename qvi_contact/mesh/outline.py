@@ -24,7 +24,7 @@ from qvi_contact.basics.schema import LARGEST, Checked, Name, Positive
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts, circle
 from qvi_contact.mesh.edges import Topology, cross
-from qvi_contact.mesh.selection import in_circles, point
+from qvi_contact.mesh.selection import crossing, in_circles, point
 from solvers.basics.foreign import foreign_code, handlers_kept
 from solvers.basics.types import load
 
@@ -235,17 +235,7 @@ def _check_lines(outline: Polygons) -> None:
     next_point = np.concatenate([np.roll(part, -1) for part in np.split(boundary, np.cumsum(counts)[:-1])])
     touches = (distances <= rounding) & (np.maximum(near, point) < len(boundary)) & (near != point)
     touching = near[touches][next_point[near[touches]] != point[touches]]
-    # of two pieces that cross, the middle of the shorter one is no farther from that of the other than this is long
-    one, other = in_circles(middles[boundary], middles[boundary], lengths[boundary])
-
-    def separates(line: IntArray, across: IntArray) -> BoolArray:
-        """Whether the ends of pieces `across` lie on both sides of pieces `line`."""
-        chord, start = pieces[line, 1] - pieces[line, 0], pieces[line, 0]
-        left, right = (cross(chord, pieces[across, end] - start) / lengths[line] for end in (0, 1))
-        return np.asarray((np.minimum(left, right) < -rounding) & (np.maximum(left, right) > rounding))
-
-    crosses = separates(one, other) & separates(other, one)
-    wrong = np.concatenate([touching, one[crosses], other[crosses]])
+    wrong = np.append(touching, crossing(pieces[boundary], np.full(len(boundary), rounding)))
     if len(wrong):
         x, y = middles[wrong.min()].tolist()
         raise InputError("outline", (x, y), "two lines of the boundary cross or touch around this point")

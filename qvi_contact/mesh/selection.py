@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.basics.schema import Listed, Number
 from qvi_contact.errors import InputError, place_of
-from qvi_contact.mesh.edges import TURNED, Topology
+from qvi_contact.mesh.edges import TURNED, Topology, cross
 
 Point: TypeAlias = Sequence[float]
 Range: TypeAlias = Sequence[float] | None
@@ -191,6 +191,25 @@ def in_circles(points: FloatArray, centres: FloatArray, radius: FloatArray) -> t
     offset = points.take(point, axis=0) - centres.take(circle, axis=0)
     inside = np.hypot(*offset.T) <= radius[circle]
     return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
+
+
+def crossing(segments: FloatArray, rounding: FloatArray) -> IntArray:
+    """Pairs (k, 2) of segments (m, 2, 2) that cross: the ends of each lie on both sides of the other.
+
+    They are farther from it than the smaller `rounding` (m,) of the two segments [length].
+    """
+    start, chord = segments[:, 0], segments[:, 1] - segments[:, 0]
+    middles, lengths = segments.mean(axis=1), np.hypot(*chord.T)
+    # of two segments that cross, the middle of the shorter one is no farther from that of the other than this is long
+    one, other = in_circles(middles, middles, lengths)
+    least = np.minimum(rounding[one], rounding[other])
+
+    def separates(line: IntArray, across: IntArray) -> BoolArray:
+        """Whether the ends of segments `across` lie on both sides of segments `line`."""
+        left, right = (cross(chord[line], segments[across, end] - start[line]) / lengths[line] for end in (0, 1))
+        return np.asarray((np.minimum(left, right) < -least) & (np.maximum(left, right) > least))
+
+    return np.column_stack([one, other])[separates(one, other) & separates(other, one)]
 
 
 def _edges_between(topology: Topology, chosen: BoolArray, inside: bool) -> IntArray:

@@ -61,8 +61,9 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
     """A body divided into triangles.
 
     `InputError` if vertices and cells are not a mesh of one piece: triangles without area, vertices inside edges, edges
-    with more than two triangles, triangles that overlap, several pieces, pieces that meet in a vertex only, vertices
-    without a triangle or in the same place. Also if a name is empty or used twice, or a set does not fit the mesh.
+    with more than two triangles, triangles that overlap, sides that cross, several pieces, pieces that meet in a vertex
+    only, vertices without a triangle or in the same place. Also if a name is empty or used twice, or a set does not fit
+    the mesh.
     """
 
     def __post_init__(self) -> None:
@@ -82,6 +83,7 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         object.__setattr__(self, "arcs", tuple(arcs))
         if arcs:
             refuse_bad_arcs(self)
+        cutting.refuse_overlap(self)
 
     def __repr__(self) -> str:
         width, height = np.ptp(self.vertices, axis=0).tolist()

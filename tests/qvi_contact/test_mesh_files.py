@@ -223,12 +223,12 @@ class TestAbaqus:
         nodes = "\ufeff*Node\n11, 2., 0.\n  ** the last one\n12, 2., 1.\n*Assembly\n*Node\n1, 9., 9.\n*End Assembly\n"
         (tmp_path / "ends.inc").write_text(f"{nodes}*Element, type=cpe4r,\nelset=STEEL, input=quad.inc\n")
         (tmp_path / "quad.inc").write_text("9, 2, 11, 12, 3\n")
-        sets = "*ELSET, ELSET=both, GENERATE\n3, 4, 1\n*ELSET, ELSET=all\nSteel, rest\n*ELSET, ELSET=rest\n4\n"
+        sets = "*NSET, NSET=top, ELSET=rest\n*ELSET, ELSET=both, GENERATE\n3, 4, 1\n*ELSET, ELSET=all\nSteel, rest\n*ELSET, ELSET=rest\n4\n"
         text = INP.replace("5, 5, 5", "13, 0.5, 1") + "*ELEMENT, TYPE=T3D3, ELSET=lid\n7, 4, 13, 3\n" + sets
         mesh = TriangleMesh.load(written(tmp_path / "a.inp", f"{text}*INCLUDE, INPUT=ends.inc\n"))
         assert mesh.vertices.tolist() == [*map(list, SQUARE), [2.0, 0.0], [2.0, 1.0]]
         named = {name: numbers.tolist() for name, numbers in (*mesh.regions.items(), *mesh.edge_sets.items())}
-        lines = {"floor": [[0, 1]], "seam": [[0, 2]], "lid": [[2, 3]]}
+        lines = {"floor": [[0, 1]], "seam": [[0, 2]], "lid": [[2, 3]], "top": [[0, 3], [2, 3]]}
         assert named == {"steel": [0, 2, 3], "all": [0, 1, 2, 3], "rest": [1], "both": [0, 1], **lines}
 
     @pytest.mark.parametrize(("kind", "side", "seam"), [("CPS3", "S2", "S3"), ("S3", "S4", "S5"), ("M3D3", "E2", "E3")])

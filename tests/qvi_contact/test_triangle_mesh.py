@@ -1,6 +1,7 @@
 """Meshes of triangles: what is accepted and refused, names, refinement."""
 
 import re
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -82,6 +83,21 @@ class TestRefusals:
         with pytest.raises(InputError, match=told) as caught:
             TriangleMesh(vertices, cells)
         assert "\n" not in str(caught.value)
+
+    @pytest.mark.parametrize("turn", [1.9, 2.2])
+    def test_a_strip_that_winds_onto_itself(self, turn):
+        around = np.exp(1j * np.pi * np.linspace(0.0, turn, 24))
+        lines = [radius * np.column_stack([around.real, around.imag]) for radius in (1.0, 1.5)]
+        with nullcontext() if turn < 2.0 else pytest.raises(InputError, match="overlaps itself"):
+            fan(lines, closed=False)
+
+    @pytest.mark.parametrize("rise", [0.09, 0.11])
+    def test_an_arc_that_rises_through_a_hole(self, rise):
+        """The hole is 1 wide and 0.1 high."""
+        mesh = TriangleMesh.grid(range(4), [0.0, 1.0, 1.1, 2.1], np.arange(9).reshape(3, 3) != 4)
+        mesh, radius = mesh.with_edges("floor", lambda x, y: (x == 1.5) & (y == 1.0)), (0.25 + rise**2) / (2.0 * rise)
+        with nullcontext() if rise < 0.1 else pytest.raises(InputError, match="overlaps itself"):
+            mesh.with_arc("floor", (1.5, 1.0 + rise - radius), radius)
 
     @staticmethod
     def two(vertices, cells, moved):
