@@ -193,11 +193,11 @@ class Settings:
     """Raise `SolveError` if a solve does not end with the status "solved"."""
     callback: Callable[[Any], object] | None = None
     """Called with every `solvers.Iteration` of any method. Histories, sweeps and refinement have another one."""
-    initial: Any = None
+    initial: Any = field(default=None, hash=False)
     """Start of pivoting, the condensed method and the fixed point; it chooses no method. `solve_qvi` takes the
     `QVISolution` of a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. The condensed
     method decides after two iterations whether the state is near enough; if not, it takes the usual start."""
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Options of the method, by name: fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or
     `UzawaOptions`. If no method is chosen, `max_iterations` limits the sum over condensed method and fixed point."""
 

@@ -66,7 +66,7 @@ def run(command: click.Command, name: str) -> None:
     """Run a command and exit.
 
     A wrong input, or a standard output that cannot be written, gives one line on standard error and exit status 2; too
-    little memory gives one line and status 1. A closed pipe, as in ``… | head -1``, is no error: the command ends
+    little memory, or another error of the project, gives one line and status 1. A closed pipe, as in ``… | head -1``, is no error: the command ends
     silently. Output of libraries at the end of the process does not reach standard output. SIGTERM acts as an interrupt
     from the keyboard: temporary files and worker processes are removed, and the exit status is 143.
     """
@@ -110,7 +110,8 @@ def _status(command: click.Command, name: str) -> int:
     except click.ClickException as error:
         return _complain(name, error.format_message())
     except QVIError as error:
-        return _complain(name, str(error))
+        status = _complain(name, str(error))
+        return status if isinstance(error, InputError) else 1  # others mean that no answer was found
     except MemoryError as error:
         _complain(name, f"out of memory ({str(error) or 'no details'}): take a coarser mesh or a lower degree")
         return 1

@@ -224,8 +224,9 @@ def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArr
     tolerance = _LINE_DISTANCE * float((high - low).max())
     for axis, bounds in enumerate((x, y)):
         if bounds is not None:
-            ends = real_array("range", bounds, "give a pair of numbers")
+            name = f"range.{'xy'[axis]}"
+            ends = real_array(name, bounds, "give a pair of numbers")
             if ends.shape != (2,) or not ends[0] < ends[1]:
-                raise InputError("range", bounds, "give two numbers, the smaller end first")
+                raise InputError(name, bounds, "give two numbers, the smaller end first")
             low[axis], high[axis] = ends
     return low, high, tolerance

@@ -313,8 +313,8 @@ def history_figure(
             axes = right.add_subplot(rows, columns, place)
             axes.set_ylabel(f"force [{units.force}]")
             draw(axes, style.plain_text(name), values, more)
-        hidden = dict.fromkeys(name for items in (loops, forces) for name in list(items)[_LOOPS:])
-        notes = [f"not shown: {', '.join(hidden)}"] if hidden else []
+        left_out = {"loops": list(loops)[_LOOPS:], "forces": list(forces)[_LOOPS:]}
+        notes = [f"not shown: {what} of {', '.join(names)}" for what, names in left_out.items() if names]
         width = int(_LETTERS * (3.8 + right_width))
         heading = "\n".join(textwrap.fill(text, width) for text in (title, history.message, *notes) if text)
         figure.suptitle(style.plain_text(heading), x=0.02, ha="left", fontsize="medium")

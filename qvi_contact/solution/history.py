@@ -191,11 +191,13 @@ class History(WithFields):
 def loop_area(displacement: FloatArray, force: FloatArray) -> float:
     """∮ F dw by the trapezoidal rule, the work done on the body [force × length]; positive where energy is lost.
 
-    The last step is not joined with the first. `InputError` if the arrays are not vectors of the same length.
+    The last step is not joined with the first. `InputError` if the arrays are not vectors of the same length, or have
+    numbers that are not finite.
     """
     displacement, force = real_array("displacement", displacement), real_array("force", force)
-    if displacement.ndim != 1:
-        raise InputError("displacement", f"shape {displacement.shape}", "give one number for each step")
+    for name, values in (("displacement", displacement), ("force", force)):
+        if values.ndim != 1 or not np.isfinite(values).all():
+            raise InputError(name, values, "give one finite number for each step")
     if force.shape != displacement.shape:
         remedy = f"give one number for each step, as many as displacements: {len(displacement)}"
         raise InputError("force", f"shape {force.shape}", remedy)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from qvi_contact.basics.schema import Inline, WithFields
@@ -40,7 +40,7 @@ class Settings(WithFields, Method):
     law_on: LawOn | None = None
     """Where the contact law holds: on whole edges, or at points. By default it holds on edges, but at points if
     friction varies along an edge, on bilateral contacts with friction, and for uzawa: `law_on = "points"`."""
-    initial: Any = None
+    initial: Any = field(default=None, hash=False)
     """An earlier result to start from, such as that of a smaller load. On the same mesh and element the condensed
     method starts from its state, if two iterations show that it is near. On the same contact points the fixed point
     starts from its pressure. The fixed point also accepts an array of pressures at all contact points [stress],

@@ -244,7 +244,8 @@ def solve_sweep(
         task = SweepTask.of(problem, parameter, of, settings, warm=warm_start)
         remedy = f"give a list of at least one finite number, of at most {LARGEST:g} in size"
         asked = real_array("values", values, remedy)
-        if asked.ndim != 1 or not len(asked) or not (np.abs(asked) <= LARGEST).all():
+        truths = asked.ndim == 1 and any(isinstance(each, bool | np.bool_) for each in values)
+        if asked.ndim != 1 or not len(asked) or truths or not (np.abs(asked) <= LARGEST).all():
             raise InputError("values", values, remedy)
         if parameter == "friction" and asked.min() < 0.0:
             raise InputError("values", float(asked.min()), "give coefficients of friction ≥ 0")

@@ -128,7 +128,9 @@ def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
     for start in ("high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400):
         refused(lambda value: ENTRIES[entry](tmp_path, initial=value), start, "initial")
     refused(lambda value: ENTRIES[entry](tmp_path, method="condensed", inner=value), "qp:clarabel", "inner")
-    assert Settings(initial=np.ones(2)) == Settings(initial=np.ones(2)) != Settings(initial=np.ones(2) + 1e-9)
+    one, same, other = (Settings(initial=np.ones(2) + shift, options={"gap": 1e-9}) for shift in (0.0, 0.0, 1e-9))
+    assert one == same != other
+    assert hash(one) == hash(same)
 
 
 @pytest.mark.parametrize(
@@ -293,6 +295,9 @@ HUGE = {
 
 
 VALUES = {
+    "values": (lambda values: solve_sweep(PLATE, "friction", values), [[True], (0.1, True), [np.nan], [], [[0.1]]]),
+    "displacement": (lambda loop: loop_area(loop, [1.0]), [[np.nan], [-np.inf], 1.0]),
+    "force": (lambda loop: loop_area([1.0], loop), [[np.nan], [np.inf], [1.0, 1.0]]),
     "degree": (hsieh_clough_tocher, [2, 13, 4.0, True, "4"]),
     "marked": (CUT.refined, [[70], [-1], [0.5], [[0]], [True]]),
     "loads": (lambda loads: limit_load_factor(PLATE, loads), [["tide"], [], "right", ["right", "plate"], None, [3]]),

@@ -268,7 +268,7 @@ SOFT = Material(100.0, 0.0)
 
 @pytest.mark.parametrize(
     ("regions", "field"),
-    [([Region(SOFT, x=(0.0, 0.3))], "region"), ([Region(SOFT, y=(1.0, 0.0))], "range"),
+    [([Region(SOFT, x=(0.0, 0.3))], "region"), ([Region(SOFT, y=(1.0, 0.0))], "range.y"),
      ([Region(Material(1.0, 0.0, "strain"))], "Region.material"), ("soft", "ContactProblem.regions")],
 )  # fmt: skip
 def test_bad_regions_are_refused(regions, field):

@@ -200,6 +200,10 @@ class TestCommand:
         assert " ".join(out.split()) in words(text)
         assert re.search(r"contact opens \[m\] slides \[m\] base 0\.\d+ ", words(text))
         assert len(pictures(text)) == 2
+        told(shell("limit", example, "--load", "pressure", "--report", tmp_path / "a.html"))
+        text = words((tmp_path / "a.html").read_text(encoding="utf-8"))
+        assert "pressure: no upper limit. If other" in text
+        assert ".." not in text.partition("The problem")[0]
 
 
 @pytest.mark.parametrize(

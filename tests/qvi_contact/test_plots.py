@@ -471,7 +471,7 @@ class TestFigures:
         with pytest.raises(InputError, match="no contact"):
             history_figure(History((), 2))
         wall = solve(load_problem(EXAMPLES / "dry_stone_wall.toml").problem)
-        assert "not shown: head 2, head 3" in history_figure(History((wall,), 1))._suptitle.get_text()
+        assert "not shown: forces of head 2, head 3" in history_figure(History((wall,), 1))._suptitle.get_text()
         mesh, top = TriangleMesh.rectangle((2, 2), 2.0, 1.0), Traction("top", x=20.0, y=-100.0)
         block = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.5), top, *FREE])
         figure = history_figure(History((solve(block),), 1))
