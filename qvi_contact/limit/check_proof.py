@@ -1,9 +1,10 @@
 """Checks proofs of bounds of a limit load: ``python check_proof.py FILE``.
 
 The script needs nothing but Python's standard library, and all of its arithmetic is exact. The file states a body of
-straight triangles, loads, strengths and contact laws. An edge of one triangle without a load or contact is held.
-Tractions on edges are multiplied by the length of the edge. Conditions on polynomials on triangles and edges are
-checked at their Bernstein ordinates: the values of a polynomial are convex combinations of these.
+straight triangles, loads, strengths and contact laws. Triangles are joined by pairs of vertices that they share; an
+edge of one triangle without a load or contact is held. Tractions on edges are multiplied by the length of the edge.
+Conditions on polynomials on triangles and edges are checked at their Bernstein ordinates: the values of a polynomial
+are convex combinations of these.
 
 **The lower factor.** Stresses in equilibrium with the body force b, div σ + b = 0, carry the loads times "factor" if
 tractions agree across every edge and with prescribed tractions, if the resultants on a plate are its forces and its
@@ -67,6 +68,7 @@ def carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
         values, *other = [[(xx * n[0] + xy * n[1], xy * n[0] + yy * n[1]) for xx, yy, xy in side] for side in both]
         demand(other in ([], [values]), f"tractions across edge {edge} differ")
         counted["edges with tractions"] += 1
+        counted["held edges with tractions"] += not contact and [given for _, given in loads] == [None, None]
         for d, given in loads:
             have = [dot(d, value) for value in values]
             demand(given is None or have == at_factor(given, factor), f"the traction on edge {edge} is not the load")
@@ -115,6 +117,7 @@ def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
             along = [dot(d, value) / dot(d, d) for value in values]
             powers.append(power(given, along, f"edge {edge} moves where no traction is prescribed"))
         counted["edges with velocities"] += 1
+        counted["held edges at rest"] += not contact and [given for _, given in loads] == [None, None]
     dead, live = map(sum, zip(*powers, strict=True))
     demand(live > 0 or (live == 0 and spent < dead), "the flow has no power of the loads")
     return (spent - dead) / live if live > 0 else -inf
@@ -122,6 +125,7 @@ def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
 
 def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[int, Any, Fraction, Any, dict[Any, Any]]]:
     """Number, cones, area, gradients of barycentric coordinates, and ordinates of a field, of every triangle."""
+    demand(bool(proof["triangles"]), "the body has no triangles")
     demand(field["degree"] > 0, "a degree is not positive")
     counts = {len(each) for each in (proof["triangles"], proof["strength_of"], field["ordinates"])}
     demand(len(counts) == 1, "there are not as many strengths, or lists of ordinates, as triangles")
@@ -199,7 +203,7 @@ def admissible(contact: dict[str, Any], tractions: list[Any], normal: Any) -> bo
 
 
 def slid(contact: dict[str, Any], w: Fraction, t: Fraction) -> Fraction:
-    """π of the opening w and slip t, the largest −σ_N' w + |σ_T| t. Slip that dilates costs c, other slip t_max."""
+    """π of the opening w and slip t, the largest σ_N' w + |σ_T| t. Slip that dilates costs c, other slip t_max."""
     (mu, c, cap), parts = law(contact), contact["law"] == "unilateral"
     dilatant = min(t, w / mu if parts else Fraction(0)) if mu > 0 or contact["law"] == "tied" else t
     fits = (w >= 0 if parts else w == 0) and (dilatant == t or cap < inf)
@@ -274,13 +278,13 @@ def told(content: bytes) -> tuple[str, int]:
 
 
 def parsed(text: str) -> Any:
-    """The content of a file; `ValueError` if an entry is there twice."""
+    """The content of a file, decimals as fractions; `ValueError` if an entry is there twice."""
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         demand(len(dict(pairs)) == len(pairs), f"the file has an entry twice: {', '.join(key for key, _ in pairs)}")
         return dict(pairs)
 
-    return json.loads(text, object_pairs_hook=once)
+    return json.loads(text, object_pairs_hook=once, parse_float=Fraction)
 
 
 def exact(value: Any, *, named: bool = False) -> Any:

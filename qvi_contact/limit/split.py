@@ -60,8 +60,8 @@ def derivatives(corners: FloatArray, degree: int, numbers: IntArray) -> list[spa
 
 
 def lattice(degree: int) -> FloatArray:
-    """Barycentric coordinates (count, 3) of the points of Bernstein coefficients."""
-    return exponents(degree) / max(degree, 1) if degree else np.full((1, 3), 1.0 / 3.0)
+    """Barycentric coordinates (count, 3) of the points of Bernstein coefficients of a degree above 0."""
+    return np.asarray(exponents(degree) / degree)
 
 
 def sampled(problem: ContactProblem, cells: IntArray, degree: int = SAMPLES) -> tuple[FloatArray, FloatArray]:

@@ -16,7 +16,7 @@ import pytest
 
 import qvi_contact.limit
 from qvi_contact import SolveError, Tresca, TriangleMesh, limit_load_factor, limit_proof, load_problem, save_problem
-from qvi_contact.limit import check, sentences
+from qvi_contact.limit import check, check_proof, sentences
 from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, Region, RigidPlate, Traction
 from tests.cases import refused_at
 from tests.qvi_contact.test_limit_yielding import random_body, stretched
@@ -240,6 +240,9 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
     assert (lower, upper) == (1, 1)
     in_parts, along_edges = ("stresses in cones", "strain rates"), ("edges with tractions", "edges with velocities")
     assert [counted[each] for each in (*in_parts, *along_edges, "loads carried")] == [6, 2, 5, 5, 6]
+    held = block_on_the_ground(1, [0, 0], cohesion)
+    del held["flow"], held["loads"][2]  # a support that nobody names is counted
+    assert check(held)[2]["held edges with tractions"] == 1 > counted["held edges with tractions"] == 0
     with pytest.raises(ValueError, match="ground"):
         check(block_on_the_ground(-1, [0, "-1/1000"], cohesion))
 
@@ -252,7 +255,7 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
      (("loads", 1, "along", 0, 0), [0, 0, 1], "two coordinates"), (("loads", 1, "along"), [], "right angle"),
      (("strength_of",), [-1, 0], "negative number"), (("stress", "degree"), 10**30, "ordinates of its degree"),
      (("strength_of",), [0], "as triangles"), (("vertices", 0), [0, 0, 0], "two coordinates"),
-     (("loads", 1, "along", 0, 1, 0), ["0"] * 3, "not as many ordinates")],
+     (("triangles",), [], "no triangles"), (("loads", 1, "along", 0, 1, 0), ["0"] * 3, "not as many ordinates")],
 )  # fmt: skip
 def test_what_is_no_statement_is_refused(place, value, told):
     proof = block_on_the_ground(1, [0, "1/1000"])
@@ -261,11 +264,14 @@ def test_what_is_no_statement_is_refused(place, value, told):
         check(proof)
 
 
-def test_whole_numbers_are_exact_and_factors_are_rounded_to_the_safe_side():
-    """Divided as they are, 2^53 + 1 is 2^53."""
+def test_numbers_are_exact_and_factors_are_rounded_to_the_safe_side():
+    """Divided as they are, 2^53 + 1 is 2^53. As a float, a load of 1e-400 that holds a lifted block down is none."""
     proof = block_on_the_ground(1, [0, 1])
-    proof["loads"][0]["along"][1][1] = [[-1 - 2**53] * 2, [3, 3]]
     del proof["stress"]
+    proof["loads"][0]["along"][1][1] = [[1, 1], ["live", "live"]]
+    lifted = json.dumps(proof).replace('"live"', "-1e-400")
+    assert check_proof.told(lifted.encode()) == ("not proved: the flow has no power of the loads", 1)
+    proof["loads"][0]["along"][1][1] = [[-1 - 2**53] * 2, [3, 3]]
     lower, upper, _ = check(proof)
     assert (lower, upper) == (None, Fraction(1 + 2**53, 3))
     assert sentences(Fraction(2, 3), Fraction(2, 3))[0].endswith(" 0.666666666666 are carried")
