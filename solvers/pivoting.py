@@ -34,6 +34,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from scipy.linalg import lstsq
 from scipy.linalg.blas import dger
+from scipy.linalg.lapack import dgetrf, dgetri
 
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
@@ -131,7 +132,7 @@ class ContactBounds:
                 best, least = (state, tractions, error), error
             if not n_left or not _LEAST_ERROR * tolerance < error < 0.5 * before:
                 break
-            block = self.M[np.ix_(active, active)]
+            block = self.M[active][:, active]
             x = x.copy()
             x[active] -= lstsq(block, slack[active], cond=_RANK, lapack_driver="gelsy")[0]
             x = np.maximum(x, 0.0)
@@ -270,16 +271,16 @@ def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector) -> Vertex:
     """The path of the problem in which x and w are exchanged in the active rows, by a block pivot."""
     inside, outside = active.nonzero()[0], (~active).nonzero()[0]
     columns = M[:, inside]
-    try:
-        inverse = np.linalg.inv(columns[inside])
-    except np.linalg.LinAlgError:
+    lower_upper, pivots, singular = dgetrf(columns[inside])
+    if singular:
         return Vertex(np.zeros(len(q)), active, 0, Status.STALLED)
+    inverse = dgetri(lower_upper, pivots)[0]
     rows, values = inverse @ M[inside], q.copy()
     values[inside] = -inverse @ q[inside]
     values[outside] += columns[outside] @ values[inside]
     exchanged = M - columns @ rows
     exchanged[inside], exchanged[:, inside] = -rows, columns @ inverse
-    exchanged[np.ix_(inside, inside)] = inverse
+    exchanged[inside[:, None], inside] = inverse
     vertex = solve_lcp(exchanged, values, d)
     x = np.where(active, np.maximum(values + exchanged @ vertex.x, 0.0), vertex.x)
     return Vertex(x, vertex.basic ^ active, vertex.pivots, vertex.reason)

@@ -302,11 +302,13 @@ def limits_of(
     """The limits for the rows of a contact, and at its points."""
 
     def at(coordinates: FloatArray) -> Limits:
-        x, y = physical(problem, scales, coordinates)
         values_of_fields = []
         for name in SHEAR_LAW:
             field, unit = getattr(contact, name), 1.0 if name == "friction" else scales.stress
-            values = np.full(len(x), np.inf) if field is None else evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
+            if callable(field):
+                values = evaluate(f"Contact.{name}", field, *physical(problem, scales, coordinates), minimum=0.0)
+            else:
+                values = np.full(len(coordinates), np.inf if field is None else field)
             values_of_fields.append(values / unit)
         return Limits(*values_of_fields)
 

@@ -67,16 +67,16 @@ class Scales:
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
         tractions = problem.prescribed(Traction)
-        sizes = [float(np.abs(_sampled(problem, each.edges, each.name, each.value)).max()) for each in tractions]
+        sizes = [_largest(problem, each.edges, each.name, each.value) for each in tractions]
         if callable(problem.body_potential):
             values = evaluate("ContactProblem.body_potential", problem.body_potential, *problem.mesh.vertices.T)
             sizes.append(float(np.ptp(values)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
         for contact in problem.contacts:
-            sizes.append(_largest(problem, contact, "pore_pressure"))
+            edges = problem.mesh.edges(contact.edges)
+            sizes.append(_largest(problem, edges, "Contact.pore_pressure", contact.pore_pressure, 0.0))
             if contact.plate is not None:  # mean stresses: forces over the contact's length, moments over length × arm
-                plate, edges = contact.plate, problem.mesh.edges(contact.edges)
-                line = float(edges.length.sum())
+                plate, line = contact.plate, float(edges.length.sum())
                 sizes += [abs(plate.force_x or 0.0) / line, abs(plate.force_y or 0.0) / line]
                 if plate.moment is not None:
                     centre = centre_of(problem.mesh.vertices, edges)
@@ -86,7 +86,8 @@ class Scales:
         loads = [size for size in sizes if size * compliance > _NONE]
         if loads:
             return cls(length, max(loads), compliance)
-        cohesion = max([_largest(problem, contact, "cohesion") for contact in problem.contacts], default=0.0)
+        given = [(problem.mesh.edges(each.edges), "Contact.cohesion", each.cohesion) for each in problem.contacts]
+        cohesion = max([_largest(problem, *each, 0.0) for each in given], default=0.0)
         least = cohesion if cohesion * compliance > _NONE else np.inf
         return cls(length, min(_AT_REST / compliance, least), compliance, loaded=False)
 
@@ -108,10 +109,9 @@ def _sampled(
     return evaluate(name, value, *problem.mesh.points_along(edges, PLACES), minimum=minimum)
 
 
-def _largest(problem: ContactProblem, contact: Contact, name: str) -> float:
-    """The largest cohesion or pore pressure of a contact [stress]."""
-    edges, field = problem.mesh.edges(contact.edges), getattr(contact, name)
-    return float(np.abs(_sampled(problem, edges, f"Contact.{name}", field, 0.0)).max())
+def _largest(problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None) -> float:
+    """The largest size of a field at the `PLACES` of edges."""
+    return float(np.abs(_sampled(problem, edges, name, value, minimum)).max()) if callable(value) else abs(value)
 
 
 def _forced(problem: ContactProblem) -> list[float]:

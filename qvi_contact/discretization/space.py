@@ -136,21 +136,21 @@ class Differences:
     """
 
     corners: Functionals  # (n, 6, 9): the differences of Φ, Φ_x, Φ_y in the second and third corner
-    edges: IntArray  # (n, k − 6): the degrees of freedom on the three edges, which are no differences
+    dofs: IntArray  # (n, k + 3): the degrees of freedom of the corners, then those on edges, which are no differences
     units: FloatArray  # (n, k − 6): N_k or Q_k for one unit of these
     # (6 n, N) sparse: what other frames add in corners that count from other frames than the first; None for nothing
     beyond: sparse.csr_array | None
 
     def apply(self, u: FloatArray) -> FloatArray:
         """The differences w (n, k) of degrees of freedom u (N,)."""
-        values, (own, first, slopes) = u[self.corners.columns], self._factors
+        values, (own, first, slopes) = u[self.dofs], self._factors
         # Φ_k − Φ₀ and ∇Φ_k − ∇Φ₀ first: nearly equal numbers cancel without rounding; then − (x_k − x₀)·∇Φ₀
-        corners = own * values[:, 3:].reshape(-1, 2, 3) + first * values[:, None, :3]
+        corners = own * values[:, 3:9].reshape(-1, 2, 3) + first * values[:, None, :3]
         corners[:, :, :1] += slopes @ values[:, 1:3, None]
         corners = corners.reshape(-1, _CORNERS)
         if self.beyond is not None:
             corners += (self.beyond @ u).reshape(corners.shape)
-        return np.concatenate([corners, self.units * u[self.edges]], axis=1)
+        return np.concatenate([corners, self.units * values[:, 9:]], axis=1)
 
     @cached_property
     def _factors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -167,8 +167,9 @@ class Differences:
 
     def adjoint(self, w: FloatArray) -> FloatArray:
         """The transposed map from w (n, k) to degrees of freedom (N,)."""
-        on_edges = (self.units * w[:, _CORNERS:]).ravel()
-        total = self.corners.adjoint(w[:, :_CORNERS]) + np.bincount(self.edges.ravel(), on_edges, self.corners.size)
+        at_corners = (w[:, None, :_CORNERS] @ self.corners.values)[:, 0]
+        on_dofs = np.concatenate([at_corners, self.units * w[:, _CORNERS:]], axis=1)
+        total = np.bincount(self.dofs.ravel(), on_dofs.ravel(), self.corners.size).astype(np.float64, copy=False)
         return total if self.beyond is None else total + self.beyond.T @ w[:, :_CORNERS].ravel()
 
     def expanded(self, rows: FloatArray) -> FloatArray:
@@ -178,11 +179,10 @@ class Differences:
 
     def all_rows(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> sparse.csr_array:
         """Rows on w (n, r, k), of t of the triangles, as a matrix on u (t r, N)."""
-        dofs, size = np.hstack([self.corners.columns, self.edges]), self.corners.size
-        matrix = Functionals(dofs[triangles], self.expanded(rows)[triangles], size).matrix()
+        matrix = Functionals(self.dofs[triangles], self.expanded(rows)[triangles], self.corners.size).matrix()
         if self.beyond is None:
             return matrix
-        places = np.arange(_CORNERS * len(dofs)).reshape(-1, _CORNERS)
+        places = np.arange(_CORNERS * len(self.dofs)).reshape(-1, _CORNERS)
         on_corners = Functionals(places[triangles], rows[triangles, :, :_CORNERS], places.size).matrix()
         return sparse.csr_array(matrix + on_corners @ self.beyond)
 
@@ -241,7 +241,7 @@ class StressSpace(PicklesFields):
         values[:, each, 3 + each], values[:, each, each % 3] = 1.0, -1.0
         values[:, ::3, 1:3] = corners[:, :1] - corners[:, 1:]
         in_corners = Functionals(self.dofs[:, :9], values * units[:, None, :9], self.size)
-        return Differences(in_corners, self.dofs[:, 9:], units[:, 9:], frames.beyond(self.units))
+        return Differences(in_corners, self.dofs, units[:, 9:], frames.beyond(self.units))
 
     @cached_property
     def frames(self) -> Frames:

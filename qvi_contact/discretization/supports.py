@@ -399,8 +399,7 @@ def walk(ends: IntArray, start: Sequence[int], vertices: int) -> tuple[IntArray,
     for edge, pair in enumerate(pairs):
         for vertex in pair:
             at.setdefault(vertex, []).append(edge)
-    place, age = np.full(len(ends), -1), np.zeros(vertices, dtype=np.int64)
-    step, met = 0, 0
+    place, age, step, met = [-1] * len(ends), [0] * vertices, 0, 0  # lists are faster than arrays here
     line_ends = sorted(vertex for vertex, edges in at.items() if len(edges) == 1)
     for seed in (*start, *line_ends, *sorted(at)):
         pending = [seed] if seed in at and not age[seed] else []
@@ -414,4 +413,4 @@ def walk(ends: IntArray, start: Sequence[int], vertices: int) -> tuple[IntArray,
                 place[ahead] = step
                 step += 1
                 pending += [vertex, sum(pairs[ahead]) - vertex]  # depth first: the other end of the edge comes next
-    return place, age
+    return np.array(place, dtype=np.int64), np.array(age, dtype=np.int64)

@@ -267,10 +267,9 @@ class Contact(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, schema_key in keys_of(Contact).items():
+        for name, schema_key in keys_of(Contact).items() if self.law == "tied" else ():
             value = getattr(self, name)
-            is_given = callable(value) or value != defaults_of(Contact).get(name, 0.0)
-            if self.law == "tied" and not schema_key.tied and is_given:
+            if not schema_key.tied and (callable(value) or value != defaults_of(Contact).get(name, 0.0)):
                 raise InputError(f"Contact.{name}", value, "a tied contact neither opens nor slips: leave this out")
 
     @classmethod
@@ -291,7 +290,7 @@ class Contact(Checked):
     @property
     def has_springs(self) -> bool:
         """Whether the contact has springs, normal or tangential."""
-        return any(getattr(self, name) is not None for name in SPRINGS)
+        return self.normal_stiffness is not None or self.tangential_stiffness is not None
 
     @property
     def has_fluid(self) -> bool:

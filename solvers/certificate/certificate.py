@@ -204,7 +204,7 @@ def law_residuals(
     bound, size_T = law.threshold(np.abs(sigma_N)), np.abs(m_T)
     # Works of gaps and slips, both counted up to the limit.
     work_T = size_T * bound - m_T * sigma_T
-    limit = _LARGEST_GAP * E / (S * (float(W.sum()) or 1.0)) * W
+    limit = _LARGEST_GAP * E / (S * qvi.contact.length) * W
     limited_N, limited_work_T = np.minimum(m_N, limit), work_T * limit / np.maximum(size_T, limit)
     bipotential = float(limited_work_T.sum() - limited_N @ sigma_N)
     # Projections on the law after a step along the displacements.
@@ -364,7 +364,7 @@ def certify(
     for name, vector in vectors.items():
         if vector.shape != (arguments[name][1],):
             raise InputError(name, f"shape {vector.shape}", f"give shape ({arguments[name][1]},)")
-    if len(vectors) < len(arguments) or not all(np.isfinite(vector).all() for vector in vectors.values()):
+    if len(vectors) < len(arguments) or not np.isfinite(np.concatenate([*vectors.values()])).all():
         return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
     with np.errstate(over="ignore", invalid="ignore"):
         measures, scales, signed = _measure(qvi, *vectors.values())
@@ -415,14 +415,9 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     return measures, scales, signed
 
 
-def _contact_scales(qvi: FrictionQVI) -> tuple[float, float]:
-    """Length Σ W and stiffness k of the contact; each is 1 if it is zero, as without a contact."""
-    return float(qvi.W.sum()) or 1.0, qvi.contact_stiffness or 1.0
-
-
 def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
     """Energy and stress of a body with the strain energy `body`, and the traction up to which a contact is unloaded."""
-    length, stiffness = _contact_scales(qvi)
+    length, stiffness = qvi.contact.length, qvi.contact_stiffness or 1.0
     reference = length / stiffness  # energy of unit stress
     least = _UNLOADED_CONTACT
     if body <= _UNLOADED_BODY**2 * reference:  # unloaded, unless the bonded state is as small
@@ -444,13 +439,12 @@ def scales_at(qvi: FrictionQVI, z: Vector) -> dict[str, float]:
 
 def scales_of(qvi: FrictionQVI, tractions: Vector, body: float) -> dict[str, float]:
     """`scales_at` for a state with these tractions (2m,) and the strain energy `body`."""
-    length, stiffness = _contact_scales(qvi)
     body, body_stress, least = body_scales(qvi, body)
     stress = largest(tractions)
     stress = (body_stress if stress <= least else stress) or 1.0
-    displacement = stress / stiffness
+    displacement = stress / (qvi.contact_stiffness or 1.0)
     body = body if body > 0.0 else 1.0
-    energy = min(stress * displacement * length, body)
+    energy = min(stress * displacement * qvi.contact.length, body)
     return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": body}
 
 

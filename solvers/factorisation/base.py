@@ -238,8 +238,9 @@ class DenseFactor(Fronts):
         interior = inside.nonzero()[0]
         diagonal, self.schur = K.diagonal(), symmetrised(K[interface][:, interface])
         if interior.size:
-            rows = K[interior]
-            block, coupling = rows[:, interior].T, np.asfortranarray(rows[:, interface])  # K_II is symmetric
+            rows = K.take(interior, axis=0)
+            # K_II is symmetric
+            block, coupling = rows.take(interior, axis=1).T, np.asfortranarray(rows.take(interface, axis=1))
             head, tail, update = eliminated(block, coupling, self.schur.T, self.backend)
             check_pivots(head.diagonal() ** 2, diagonal[interior], self.backend, self.size)
             self._fronts, self.schur = [Front(interior, interface, head, tail)], symmetric(update)

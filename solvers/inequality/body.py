@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -208,8 +207,9 @@ class Loads(PicklesFields):
         """The bonded state, kept for the last condensed contact."""
         bonded: BondedState | None = self.__dict__.get("_bonded")
         if bonded is None or bonded.condensed is not condensed:
-            # of a copy, so that no circle of references keeps a factorisation
-            bonded = self.__dict__["_bonded"] = BondedState(K, condensed, copy(self))
+            loads = object.__new__(Loads)  # a copy, so that no circle of references keeps a factorisation
+            loads.__dict__.update({name: each for name, each in self.__dict__.items() if name != "_bonded"})
+            bonded = self.__dict__["_bonded"] = BondedState(K, condensed, loads)
         return bonded
 
 
@@ -222,9 +222,13 @@ class BondedState:
     @cached_property
     def corrected(self) -> tuple[Vector, Vector, float]:
         """The unknowns (n,), ν (p,) and the size of the last defect correction, see `CondensedContact.corrected`."""
-        (z, nu), loads = self._first, self._loads
+        (z, nu, _, gradient), loads = self._first, self._loads
         size = float(np.sqrt(abs(z @ loads.f - loads.b @ nu)))
-        return self.condensed.corrected(self._gradient, loads.b, z, nu, size)
+
+        def gradient_at(point: Vector) -> Vector:
+            return gradient if point is z else loads.state(self._K, point)[1]
+
+        return self.condensed.corrected(gradient_at, loads.b, z, nu, size)
 
     @cached_property
     def strain_energy(self) -> float:
@@ -244,21 +248,14 @@ class BondedState:
     @cached_property
     def rough_stress(self) -> float:
         """√(2 × strain energy) by one linear solve without corrections: a scale, accurate to few digits."""
-        return float(np.sqrt(2.0 * self._rounded_energy(self._first_state[0])))
+        return float(np.sqrt(2.0 * self._rounded_energy(self._first[2])))
 
     def _rounded_energy(self, energy: float) -> float:
         """A strain energy; 0 if it is rounding."""
         return energy if energy > _CANCELLED * self._loads.at_rest else 0.0
 
     @cached_property
-    def _first(self) -> tuple[Vector, Vector]:
-        """The bonded solution (n,) and ν (p,) by one linear solve, without corrections."""
-        return self.condensed.system.solve(self._loads.f, self._loads.b)
-
-    @cached_property
-    def _first_state(self) -> tuple[float, Vector]:
-        """Strain energy and gradient at `_first`."""
-        return self._loads.state(self._K, self._first[0])
-
-    def _gradient(self, z: Vector) -> Vector:
-        return self._first_state[1] if z is self._first[0] else self._loads.state(self._K, z)[1]
+    def _first(self) -> tuple[Vector, Vector, float, Vector]:
+        """The bonded solution (n,) and ν (p,) by one linear solve, without corrections; strain energy and gradient."""
+        z, nu = self.condensed.system.solve(self._loads.f, self._loads.b)
+        return z, nu, *self._loads.state(self._K, z)

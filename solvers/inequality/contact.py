@@ -74,6 +74,11 @@ class ContactMatrices(PicklesFields):
         return rows
 
     @cached_property
+    def length(self) -> float:
+        """Σ W, the length of the contacts; 1 without a contact."""
+        return float(self.W.sum()) or 1.0
+
+    @cached_property
     def by_columns(self) -> dict[str, Sparse]:
         """N, T, A and rows as sparse matrices, by their names."""
         return {name: by_columns(getattr(self, name)) for name in ("N", "T", "A", "rows")}
@@ -159,16 +164,18 @@ class CondensedContact:
         tractions, weights = self.contact.tractions
         if not tractions.shape[0] or not tractions.shape[1]:
             return 0.0
-        relief = self.system.relief(tractions)
-        total = float(weights.sum())
-        v = 1.0 + _WAVE_SHARE * generic_vector(len(weights))
+        # Y K⁻¹ Yᵀ W has the eigenvalues of √W Y K⁻¹ Yᵀ √W, and v √W in place of v.
+        total, roots = float(weights.sum()), np.sqrt(weights)
+        weighted: Any = scaled(roots, tractions)
+        relief = self.system.relief(weighted)
+        v = roots + _WAVE_SHARE * roots * generic_vector(len(weights))
         radius = 0.0
         for _ in range(_POWER_STEPS):
-            v = relief(weights * v)
-            radius = sqrt(weights @ (v * v) / total)
+            v = relief(v)
+            radius = sqrt(v @ v / total)
             if radius == 0.0:
                 return 0.0
-            v = v / radius
+            v /= radius
         return radius * 2.0 * float(weights.min()) / total
 
     @cached_property

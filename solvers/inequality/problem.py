@@ -127,16 +127,16 @@ class FrictionQVI(PicklesFields):
                 remedy = f"give {kind.__name__}, or the arrays of a problem to FrictionQVI.from_arrays"
                 raise InputError(name, type(getattr(self, name)).__name__, remedy)
         n, m, p = self.n, self.m, self.p
-        expected: dict[object, dict[str, tuple[int, ...]]] = {
-            self.loads: {"f": (n,), "n0": (m,), "t0": (m,), "b": (p,), **({} if self.load is None else {"load": (n,)})},
-            self.contact: {"N": (m, n), "T": (m, n), "W": (m,), "A": (p, n)},
-            self.law: {"mu": (m,), "cohesion": (m,), "cap": (m,), "bilateral": (m,)},
-        }
-        for part, shapes in expected.items():
-            for name, shape in shapes.items():
-                found = getattr(part, name).shape
-                if found != shape:
-                    raise InputError(name, f"shape {found}", f"give shape {shape}, as K and N say")
+        loads, contact, law = self.loads, self.contact, self.law
+        for name, array, shape in (
+            ("f", loads.f, (n,)), ("n0", loads.n0, (m,)), ("t0", loads.t0, (m,)), ("b", loads.b, (p,)),
+            ("load", loads.f if loads.load is None else loads.load, (n,)),
+            ("N", contact.N, (m, n)), ("T", contact.T, (m, n)), ("W", contact.W, (m,)), ("A", contact.A, (p, n)),
+            ("mu", law.mu, (m,)), ("cohesion", law.cohesion, (m,)), ("cap", law.cap, (m,)),
+            ("bilateral", law.bilateral, (m,)),
+        ):  # fmt: skip
+            if array.shape != shape:
+                raise InputError(name, f"shape {array.shape}", f"give shape {shape}, as K and N say")
         if p == 0:
             self.stiffness.check_diagonal(least=np.finfo(np.float64).tiny)
         _ = self.contact.rows  # checks the traces
