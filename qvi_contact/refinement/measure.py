@@ -78,7 +78,7 @@ class Measure:
     @property
     def bounded(self) -> bool:
         """Whether a bracket may bound it."""
-        return self.kind in ("energy", *FORCES, *_PLATE_FORCES, *_MOTIONS)
+        return self.kind in ("energy", *FORCES, *_PLATE_FORCES)
 
     @classmethod
     def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
@@ -228,7 +228,7 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     _check_side(side)
     measure = Measure.of(result.problem, quantity)
     at_point = measure.point and measure.kind in ("xx", "yy", "xy", "slip")
-    if not at_point and (measure.kind == "energy" or not measure.bounded):  # no affine function of the solution
+    if not at_point and measure.kind not in (*FORCES, *_PLATE_FORCES, *_MOTIONS):  # no affine function of the solution
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)
     discretization = result.discretization

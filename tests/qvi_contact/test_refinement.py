@@ -88,6 +88,17 @@ class TestBounds:
         assert not any(each.guaranteed for each in outcome.rounds)
         assert np.isfinite([each.estimate for each in outcome.rounds]).all()
 
+    def test_a_motion_has_none(self):
+        """Not even that of a plate with the name of a support, whose force is called like the motion."""
+        plate = replace(Contact.tied("top", name="bottom"), plate=RigidPlate(force_y=0.0, x=0.0, rotation=0.0))
+        bed = replace(Contact.tied("right"), normal_stiffness=1e3, tangential_stiffness=1e3)
+        conditions = [Displacement("bottom", 0.0, 1e-3), plate, bed, FREE[0]]
+        problem = ContactProblem(TriangleMesh.rectangle((1, 1)), Material(1e3, 0.3), conditions)
+        outcome = refine(problem, None, 1e-2, "bottom.y", max_rounds=1)
+        assert "bottom.y" in outcome.result.bracket.forces
+        assert (outcome.status, outcome.guaranteed) == (RefinementStatus.REACHED, False)
+        assert outcome.value == pytest.approx(7.235e-4, rel=1e-2)
+
 
 class TestReferenceSolution:
     """Where it is, and what it measures."""
