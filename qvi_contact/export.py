@@ -23,6 +23,7 @@ from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import json_ready, solution_arrays, write_archive
 from qvi_contact.mesh.edges import cross
+from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine
 from qvi_contact.solution.result import PLATE_COLUMNS, RESULTANT, ContactResult, Energies, contact_numbers
 from qvi_contact.solution.stress import principal_stresses, sample_body, von_mises
@@ -32,7 +33,6 @@ from solvers.basics.types import load
 if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
     from qvi_contact.limit import LimitLoad
-    from qvi_contact.problem.problem import ContactProblem
 
 _NOT_STORED: Final = ("name", "ends", "pore_pressure", "rounding", "senses", "frictionless")
 """Fields of contacts that the archive leaves out: they follow from the mesh, or exist only with a fluid."""
@@ -278,7 +278,7 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
 
 
 def write_collapse_vtu(
-    path: str | Path, problem: "ContactProblem", limit: "LimitLoad", units: Units | None = None
+    path: str | Path, problem: ContactProblem, limit: "LimitLoad", units: Units | None = None
 ) -> None:
     """Write the collapse of a yielding body at its limit load, for ParaView.
 
@@ -293,9 +293,13 @@ def write_collapse_vtu(
     _check_vtu(path)
     from qvi_contact.limit.split import part_corners  # only needed for bodies that yield
 
+    instance_of(ContactProblem, "problem", problem)
+    instance_of(load("qvi_contact.limit").LimitLoad, "limit", limit)
     mesh, collapse = problem.mesh, limit.collapse
     if collapse is None:
         raise InputError("vtk", str(path), "there is no flow to write: the body has no strength, or no largest load")
+    if len(collapse.gap) != mesh.cell_count:
+        raise InputError("problem", mesh, "is not that of the limit analysis: give LimitRefinement.problem")
     lattice, corners = triangle_lattice(_DIVISIONS)
     degree = (isqrt(8 * collapse.stress.shape[2] + 1) - 3) // 2  # degree of the stress
     points = (lattice @ part_corners(mesh.corners)).reshape(-1, 2)

@@ -81,6 +81,8 @@ class Units(Checked):
 
         Remarks, and the reasons of a bracket, have the dimension in brackets. A dimension without a unit stays.
         """
+        if not isinstance(sentence, str):
+            raise InputError("sentence", sentence, "give a text")
 
         def with_unit(match: re.Match[str]) -> str:
             names = {name: str(getattr(self, name)) for name in match[1].split(" × ")}

@@ -66,9 +66,10 @@ def run(command: click.Command, name: str) -> None:
     """Run a command and exit.
 
     A wrong input, or a standard output that cannot be written, gives one line on standard error and exit status 2; too
-    little memory, or another error of the project, gives one line and status 1. A closed pipe, as in ``… | head -1``, is no error: the command ends
-    silently. Output of libraries at the end of the process does not reach standard output. SIGTERM acts as an interrupt
-    from the keyboard: temporary files and worker processes are removed, and the exit status is 143.
+    little memory, or another error of the project, gives one line and status 1. A closed pipe, as in ``… | head -1``,
+    is no error: the command ends silently. Output of libraries at the end of the process does not reach standard
+    output. SIGTERM acts as an interrupt from the keyboard: temporary files and worker processes are removed, and the
+    exit status is 143.
     """
     gc.set_threshold(_COLLECTION_THRESHOLD)  # new objects between two collections: loading libraries makes no garbage
     atexit.register(gc.freeze)  # no collection at the end either: together they took a quarter of a solve's time

@@ -22,7 +22,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, instance_of
 from qvi_contact.companion import Elasticity
 from qvi_contact.discretization.displacements import DisplacementSpace, triangle
 from qvi_contact.element.edge import bernstein_basis, gauss_legendre
@@ -298,6 +298,7 @@ def draw_body(
 
     units, mesh, shape = style.plain_units(units), result.problem.mesh, Shape.of(result)
     scales = Scales.of([result], component) if scales is None else scales
+    instance_of(Scales, "scales", scales)
     factor, length, t = scales.factor, mesh.length, np.linspace(0.0, 1.0, style.CHORDS + 1)
     # bands of stress at the deformed points; values are averaged where cells of one block and one material meet
     samples = sample_body(result, _SAMPLES)

@@ -100,12 +100,13 @@ def _lay_out(
     cell = body.get_subplotspec()
     assert cell is not None  # the axes were made by `subplots`
     grid = cell.get_gridspec()
+    title = style.plain_text(title)
     unbroken = ((text.replace(" = ", "\u00a0=\u00a0"), count) for text, count in ((answer, 88), (foot, 140)))
     answer, foot = (textwrap.fill(text, count).replace("\u00a0", " ") for text, count in unbroken)
     above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + bool(answer))  # heights in inches
     below = 0.06 + 0.12 * (foot.count("\n") + 1)
     texts = [
-        figure.text(0.01, 1.0, style.plain_text(title), va="top", fontsize="large", fontweight="bold"),
+        figure.text(0.01, 1.0, title, va="top", fontsize="large", fontweight="bold"),
         figure.text(0.01, 1.0, style.plain_text(answer), va="top"),
         figure.text(0.01, 0.0, style.plain_text(foot), va="bottom", fontsize=6.0, color=style.GREY),
     ]
@@ -230,10 +231,12 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collaps
     Motions are small. They are magnified until the largest displacement is 8 % of the body's length; magnified
     rotations leave blocks their size. Triangles that yield are orange, the deeper the more power they dissipate per
     area. `ContactResult.mechanism`, `LimitLoad.mechanism` and `LimitLoad.collapse` are motions, on the mesh of the
-    analysis. Axes are in units of length.
+    analysis. Axes are in units of length. `InputError` if the mesh is another one.
     """
     from matplotlib.collections import PolyCollection
 
+    if len(motion.blocks if isinstance(motion, Mechanism) else motion.gap) != mesh.cell_count:
+        raise InputError("mesh", mesh, "is not that of the limit analysis: give LimitRefinement.problem")
     after, scale = mesh.corners.copy(), style.LONGEST * mesh.length
     colours: str | FloatArray = "#d6e6f2"
     if isinstance(motion, Mechanism):
@@ -282,7 +285,7 @@ def history_figure(
     `InputError` if there is nothing to draw, or not a time for each step.
     """
     instance_of(History, "history", history)
-    units = style.plain_units(units)
+    units, title = style.plain_units(units), style.plain_text(title)
     abscissa = None if times is None else real_array("times", times)
     forces: dict[str, list[tuple[float, float]]] = {}
     last = None

@@ -81,6 +81,8 @@ def save_figure(path: str | Path, figure: "Figure") -> None:
     An earlier file of that name is replaced. `InputError` if the suffix is another one, or the file cannot be written.
     """
     suffix = check_suffix("plot", path, *_METADATA)
+    require_matplotlib()
+    instance_of(load("matplotlib.figure").Figure, "figure", figure, "give a figure of matplotlib")
     with settings(), replacing(path) as temporary:
         figure.savefig(temporary, format=suffix[1:], dpi=_DOTS["files"], metadata=_METADATA[suffix])
 

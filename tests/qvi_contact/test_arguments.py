@@ -17,6 +17,7 @@ from qvi_contact import (
     Corner,
     Displacement,
     Expression,
+    History,
     InputError,
     QVIError,
     Settings,
@@ -27,14 +28,22 @@ from qvi_contact import (
 from qvi_contact.bracket import bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.element import hsieh_clough_tocher
-from qvi_contact.export import write_json, write_npz, write_vtu
+from qvi_contact.export import write_collapse_vtu, write_json, write_npz, write_vtu
 from qvi_contact.files import load_problem, load_result, problem_from_toml, problem_to_toml, save_problem
 from qvi_contact.gallery import compressed_plate, jointed_slope, masonry_wall, stick_slip_block
 from qvi_contact.limit import limit_load_factor, limit_proof, strength_reduction_factor
-from qvi_contact.plots import history_figure, limit_figure, problem_figure, require_matplotlib, result_figure
+from qvi_contact.plots import (
+    history_figure,
+    limit_figure,
+    problem_figure,
+    require_matplotlib,
+    result_figure,
+    save_figure,
+)
 from qvi_contact.problem import Contact, ContactProblem, Material, Polynomial, Region, Symmetry, Traction
 from qvi_contact.refinement import refine
 from qvi_contact.solution import loop_area, principal_stresses, read_sweep, solve, solve_history, solve_sweep
+from qvi_contact.units import Units
 from solvers import solve_qvi
 
 PLATE = compressed_plate(0.3, (2, 2))
@@ -268,6 +277,13 @@ REFUSALS = {
     "marked": CUT.refined, "here": lambda where: CUT.with_region("here", where),
     "x, y": lambda x: step().displacement(x, 0.5), "history": history_figure, "problem of a picture": problem_figure,
     "result of a picture": result_figure, "panels": lambda names: result_figure(step(), panels=names),
+    "title": lambda title: result_figure(step(), title=title if not isinstance(title, str) else 1),
+    "title of a history": lambda title: history_figure(History((), 0), title=1 if isinstance(title, str) else title),
+    "scales of a picture": lambda scales: result_figure(step(), scales=scales),
+    "figure": lambda figure: save_figure("never.png", figure),
+    "sentence": lambda text: Units().filled(text if not isinstance(text, str) else 1),
+    "problem of a flow": lambda problem: write_collapse_vtu("never.vtu", problem, None),
+    "limit of a flow": lambda limit: write_collapse_vtu("never.vtu", PLATE, limit),
     "units of a picture": lambda units: result_figure(step(), units), "limit": lambda load: limit_figure(PLATE, load),
     "bracket": lambda bounds: write_vtu("never.vtu", step(), bracket=bounds),
     "constants": lambda values: problem_from_toml(problem_to_toml(PLATE)).with_constants(values),

@@ -14,6 +14,7 @@ from scipy.integrate import trapezoid
 
 from qvi_contact import ContactState, History, InputError, LimitLoad, Tresca, TriangleMesh, principal_stresses, solve
 from qvi_contact.element import gauss_legendre
+from qvi_contact.export import write_collapse_vtu
 from qvi_contact.files import load_problem
 from qvi_contact.gallery import compressed_plate, exact, half_discs, jointed_slope
 from qvi_contact.limit import limit_load_factor
@@ -434,6 +435,8 @@ class TestFigures:
         assert len(moved.get_segments()) == len(problem.mesh.boundary)
         with pytest.raises(InputError, match="no mechanism"):
             limit_figure(problem, LimitLoad(np.inf, np.inf, None, np.inf, 0.0))
+        with pytest.raises(InputError, match="not that of the limit analysis"):
+            limit_figure(replace(problem, mesh=TriangleMesh.rectangle((3, 3))), limit)
 
     def test_a_body_that_yields_is_the_deeper_orange_the_more_it_dissipates(self):
         """Half of it is stronger than the other, which flows alone."""
@@ -447,6 +450,8 @@ class TestFigures:
         (cells,) = (found for found in filled if len(found.get_facecolor()) == mesh.cell_count)
         red, green, blue, depth = cells.get_facecolor().T
         assert ((red > green) & (green > blue)).all()
+        with pytest.raises(InputError, match="not that of the limit analysis"):
+            write_collapse_vtu("never.vtu", replace(problem, mesh=mesh.refined([0])), limit)
         power = limit.collapse.motion.dissipation  # in triangles of equal size
         least, most = np.argmin(power), np.argmax(power)
         assert depth[least] < 0.1 < 0.5 < depth[most] == depth.max()
