@@ -97,8 +97,9 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
     """Whether (y, ν) proves that C is empty, despite rounding.
 
     For z in C: 0 ≤ yᵀ(h − G z) + νᵀ(b − A z) = (hᵀy + bᵀν) − (Gᵀy + Aᵀν)ᵀz, so with hᵀy + bᵀν = −d < 0 every point of C
-    has max |z_i| D_i ≥ d / Σ |Gᵀy + Aᵀν|_i / D_i, D² the diagonal of K. The proof counts if that exceeds `_EXCLUDED_SIZE`
-    times the same size of the bonded solution, and times the size at which single terms of the sum reach those of d.
+    has max |z_i| D_i ≥ d / Σ |Gᵀy + Aᵀν|_i / D_i, D² the diagonal of K. The proof counts if that exceeds
+    `_EXCLUDED_SIZE` times the same size of the bonded solution, and times the size at which single terms of the sum
+    reach those of d.
     """
     if not (np.isfinite(y).all() and np.isfinite(nu).all()) or y.min(initial=0.0) < 0:
         return False
@@ -107,7 +108,8 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
     rest = float((np.abs(rows.G.T @ y + qvi.A.T @ nu) / D).sum())
     terms = float(((abs(rows.G).T @ y + abs(qvi.A).T @ sizes) / D).sum())
     bonded, right = largest(D * qvi.bonded), float(np.abs(rows.h) @ y + np.abs(qvi.b) @ sizes)
-    return deficit > 0 and deficit >= _EXCLUDED_SIZE * bonded * rest and deficit * terms >= _EXCLUDED_SIZE * right * rest
+    is_clear = deficit * terms >= _EXCLUDED_SIZE * right * rest
+    return deficit > 0 and deficit >= _EXCLUDED_SIZE * bonded * rest and is_clear
 
 
 def _unknown_sizes(qvi: FrictionQVI) -> Vector:
@@ -181,8 +183,9 @@ class _Scaled(NamedTuple):
 def _farkas(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector) -> tuple[Vector, Vector] | None:
     """Multipliers (y, ν) of the least violation t, if they prove that no z with A z = b meets the chosen rows."""
     G, h, A, b, _, of_equations = _Scaled.of(qvi, rows.G[chosen], rows.h[chosen])
-    if qvi.p:  # equations that contradict each other: the residual r of least squares has Aᵀr = 0
-        proof = np.zeros(rows.h.size), of_equations * (A @ np.linalg.lstsq(A.toarray(), b)[0] - b)
+    if qvi.p:  # equations that contradict each other: the residual of least squares has no component in A
+        gram = (A @ A.T).toarray()
+        proof = np.zeros(rows.h.size), of_equations * (gram @ np.linalg.lstsq(gram, b)[0] - b)
         if is_farkas(qvi, *proof):
             return proof
     if not h.size:

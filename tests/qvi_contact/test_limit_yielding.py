@@ -190,7 +190,7 @@ def test_what_has_no_tension_has_no_scale():
         conditions = [Displacement("bottom", x=0.0, y=0.0), cap, Traction("left", x=1.0, y=0.0, name="push"), free]
         mesh, material = TriangleMesh.rectangle((2, 3), 1.0, 2.0), Material(1.0, 0.2, strength=NoTension())
         found.append(limit_load_factor(ContactProblem(mesh, material, conditions), ["push"], degree=3))
-    assert [found[0].lower, found[1].lower / 2.5] == pytest.approx([0.145593] * 2, rel=2e-5)  # of faces
+    assert [found[0].lower, found[1].lower / 2.5] == pytest.approx([0.145593] * 2, rel=1e-4)  # along faces: see below
     assert [found[0].upper, found[1].upper / 2.5] == pytest.approx([2.116995] * 2, rel=1e-5)
     assert [each.collapse.gap.sum() for each in found] == pytest.approx([each.upper - each.lower for each in found])
 
@@ -558,7 +558,7 @@ def test_at_its_time_limit_a_limit_load_has_the_side_that_is_known(tmp_path, she
                 assert limit_load_factor(held, ["weight"], time_limit=5.0).in_time  # there is no other side
             with nullcontext() if owner is FlowProgram else pytest.raises(SolveError, match="time limit"):
                 assert strength_reduction_factor(held, time_limit=5.0).lower == 1.0
-        assert ("this mesh carries 1." in out, status) == (owner is FlowProgram, 1 if owner is FlowProgram else 2)
+        assert ("this mesh carries 1." in out, status) == (owner is FlowProgram, 1)
         assert (slipping.in_time, "time limit" in slipping.missing, "time limit" in out + err) == (False, True, True)
 
 

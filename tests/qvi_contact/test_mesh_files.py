@@ -223,7 +223,8 @@ class TestAbaqus:
         nodes = "\ufeff*Node\n11, 2., 0.\n  ** the last one\n12, 2., 1.\n*Assembly\n*Node\n1, 9., 9.\n*End Assembly\n"
         (tmp_path / "ends.inc").write_text(f"{nodes}*Element, type=cpe4r,\nelset=STEEL, input=quad.inc\n")
         (tmp_path / "quad.inc").write_text("9, 2, 11, 12, 3\n")
-        sets = "*NSET, NSET=top, ELSET=rest\n*ELSET, ELSET=both, GENERATE\n3, 4, 1\n*ELSET, ELSET=all\nSteel, rest\n*ELSET, ELSET=rest\n4\n"
+        sets = "*NSET, NSET=top, ELSET=rest\n*ELSET, ELSET=both, GENERATE\n3, 4, 1\n"
+        sets += "*ELSET, ELSET=all\nSteel, rest\n*ELSET, ELSET=rest\n4\n"
         text = INP.replace("5, 5, 5", "13, 0.5, 1") + "*ELEMENT, TYPE=T3D3, ELSET=lid\n7, 4, 13, 3\n" + sets
         mesh = TriangleMesh.load(written(tmp_path / "a.inp", f"{text}*INCLUDE, INPUT=ends.inc\n"))
         assert mesh.vertices.tolist() == [*map(list, SQUARE), [2.0, 0.0], [2.0, 1.0]]
