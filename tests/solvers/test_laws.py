@@ -8,6 +8,7 @@ import pytest
 
 from solvers import FrictionQVI, Status, available, certify, solve_qvi
 from solvers.certificate import AdmissibleRows, check_feasibility, is_farkas
+from solvers.derivative import change
 from tests.cases import every_pair, thinned
 from tests.solvers.conftest import changed, dragged_block, mixed_problem, random_problem
 
@@ -183,6 +184,14 @@ class TestFeasibility:
         assert carried or is_farkas(qvi, *found.farkas)
         assert solve_qvi(qvi).status is (Status.SOLVED if carried else Status.INFEASIBLE)
 
+    @pytest.mark.parametrize("size", [1e-10, 1.0, 1e10])
+    def test_a_contact_that_a_large_unknown_relieves(self, size):
+        """Where the bonded state is zero, it says nothing about sizes: z = −1/size carries the pull of 1."""
+        N, none = np.array([[size]]), np.zeros((1, 1))
+        qvi = FrictionQVI.from_arrays(K=np.eye(1), f=np.zeros(1), N=N, T=none, n0=[1.0], t0=[0.0], mu=[0.0], W=[1.0])
+        assert not is_farkas(qvi, np.array([1.0, 0.0, 0.0]), np.zeros(0))
+        assert check_feasibility(qvi).feasible is True
+
     def test_shares_belong_to_their_points(self):
         qvi = dragged_block(0.5)
         normal, tangential = AdmissibleRows.of(qvi).shares(check_feasibility(qvi).farkas[0], 1)
@@ -195,6 +204,34 @@ class TestFeasibility:
         rows = AdmissibleRows.of(qvi)
         z = solve_qvi(qvi, tolerance=1e-9).z
         assert (rows.G @ z - rows.h).max() < 1e-7
+
+
+def points(pull, shear, W=(1.0,), mu=0.3, **laws):
+    """Points whose tractions are the unknowns, pulled and sheared by given stresses."""
+    m, identity = len(W), np.eye(2 * len(W))
+    data = {"f": np.zeros(2 * m), "n0": np.full(m, pull), "t0": np.array(shear), "mu": np.full(m, mu)}
+    return FrictionQVI.from_arrays(K=identity, N=identity[:m], T=identity[m:], W=np.array(W), **data, **laws)
+
+
+@pytest.mark.parametrize("W", [(1.0, 1.0), (1.0, 1e-7), (1e7, 1.0)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_points_of_any_weight_slip(W, sign):
+    """Their shears grow like the friction, although slips m/W differ by orders."""
+    base, moved = (points(-1.0, [0.5, 0.4], W, mu) for mu in (0.3, 0.301))
+    assert change(solve_qvi(base), base, moved, sign).z == pytest.approx([0.0, 0.0, sign * 1e-3, sign * 1e-3])
+
+
+def test_a_cap_of_zero_stays_zero_under_pressure():
+    base, moved = (points(pull, [0.2], cap=np.zeros(1)) for pull in (0.0, -0.01))
+    assert change(solve_qvi(base), base, moved, 1.0).z == pytest.approx([0.0, 0.0])
+
+
+def test_equations_may_fix_what_has_no_stiffness():
+    rows = {"N": np.ones((1, 2)), "T": np.array([[1.0, -1.0]]), "A": np.array([[0.0, 1.0]]), "b": np.array([0.1])}
+    data = {"f": np.array([0.2, 0.0]), "n0": [-1.0], "t0": [0.1], "mu": [0.3], "W": [1.0]}
+    solution = solve_qvi(FrictionQVI.from_arrays(K=np.diag([1.0, 0.0]), **rows, **data))
+    assert solution.solved
+    assert solution.z == pytest.approx([0.2, 0.1])
 
 
 # That a load cannot be carried is proved by one linear program, before other starts and without Clarabel.
