@@ -122,18 +122,6 @@ def test_no_room_leads_back_to_itself(package):
     assert [name for name in graph if name in reached(name, graph)] == ["a", "b", "c"]
 
 
-def test_the_lab_knows_no_experiment():
-    """Framework apart from experiments: whatever is in it serves all of them."""
-    wrong = [
-        (name, target)
-        for name, targets in modules("comparisons")
-        if room(name) == "comparisons.lab"
-        for target in targets
-        if room(target) not in ("comparisons", "comparisons.lab") and target.startswith("comparisons")
-    ]
-    assert wrong == []
-
-
 @pytest.mark.parametrize("package", PACKAGES[:-1])
 def test_packages_import_from_those_below_only(package):
     above = PACKAGES[PACKAGES.index(package) + 1 :]

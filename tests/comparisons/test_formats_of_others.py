@@ -29,7 +29,7 @@ from qvi_contact.gallery import compressed_plate
 from solvers import FrictionQVI, Status, TractionFactor, certify, solve_qvi
 from solvers.inequality import Compliance
 from tests.cases import refusal
-from tests.comparisons.conftest import command, refused_command
+from tests.comparisons.conftest import command
 from tests.qvi_contact.builders import told
 from tests.solvers.conftest import dragged_block, one_contact, random_problem, two_contacts
 
@@ -339,17 +339,3 @@ def test_what_cannot_be_carried_is_written(tmp_path):
     assert "infeasible" in out
     assert command("export", "npz", source, tmp_path / "a.npz")[0] == 1
     assert load_qvi(tmp_path / "a.npz")[1].status is Status.INFEASIBLE
-
-
-def test_wrong_files_and_places_are_one_line(tmp_path, tiny):
-    assert ".hdf5" in refused_command("export", "fclib", tiny, tmp_path / "a.txt")
-    assert ".npz" in refused_command("export", "npz", tiny, tmp_path / "a.hdf5")
-    assert "No such file" in refused_command("export", "npz", tmp_path / "missing.toml", tmp_path / "a.npz")
-    assert "--penalty" in refused_command("export", "fclib", tiny, tmp_path / "a.hdf5", "--penalty", "-1")
-    (tmp_path / "file").write_text("kept", encoding="utf-8")
-    for kind, name in (("npz", "a.npz"), ("fclib", "a.hdf5")):
-        assert "is a file, not a folder" in refused_command("export", kind, tiny, tmp_path / "file" / name)
-    assert "is a file, not a folder" in refused_command("export", "qpbenchmark", tmp_path / "file", tiny)
-    assert "FOLDER" in refused_command("export", "qpbenchmark", "", tiny)
-    assert "different names" in refused_command("export", "qpbenchmark", tmp_path / "set", tiny, tiny)
-    assert (tmp_path / "file").read_text(encoding="utf-8") == "kept"

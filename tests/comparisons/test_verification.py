@@ -225,17 +225,6 @@ class TestRows:
         assert not replace(CHECK, proof=NO_PROOF).word("q", "slip", "slip").passed
         assert [CHECK.word("q", "a", "a", source).source for source in ("", "own")] == ["source", "own; source"]
 
-    def test_a_problem_runs_on_each_of_its_degrees(self):
-        chapter = making.Chapter()
-
-        @chapter("degree", 4, 5, 6)
-        def problem(p, _):
-            yield CHECK.absolute("degree", p, 5.0, tolerance=1.0)
-
-        assert chapter == {"degree": problem}
-        found = [[row.element for row in problem(quick)] for quick in (False, True)]
-        assert found == [[f"triangles of degree {p}" for p in (4, 5, 6)], ["triangles of degree 5"]]
-
     @given(finite.filter(lambda x: abs(x) > 1e-9), st.floats(1e-9, 1e-1))
     def test_digits_below_the_tolerance_are_not_shown(self, value, tolerance):
         resolution = tolerance * abs(value) / 100.0

@@ -32,14 +32,7 @@ from qvi_contact.export import write_collapse_vtu, write_json, write_npz, write_
 from qvi_contact.files import load_problem, load_result, problem_from_toml, problem_to_toml, save_problem
 from qvi_contact.gallery import compressed_plate, jointed_slope, masonry_wall, stick_slip_block
 from qvi_contact.limit import limit_load_factor, limit_proof, strength_reduction_factor
-from qvi_contact.plots import (
-    history_figure,
-    limit_figure,
-    problem_figure,
-    require_matplotlib,
-    result_figure,
-    save_figure,
-)
+from qvi_contact.plots import history_figure, limit_figure, problem_figure, result_figure, save_figure
 from qvi_contact.problem import Contact, ContactProblem, Material, Polynomial, Region, Symmetry, Traction
 from qvi_contact.refinement import refine
 from qvi_contact.solution import loop_area, principal_stresses, read_sweep, solve, solve_history, solve_sweep
@@ -340,7 +333,7 @@ def test_values_that_an_argument_cannot_have_are_refused_before_anything_is_made
 @pytest.mark.parametrize(
     ("package", "use"),
     [("pandas", lambda _: step().contacts["plate"].to_frame()),
-     ("meshio", lambda path: write_vtu(path / "a.vtu", step())), ("matplotlib", lambda _: require_matplotlib()),
+     ("meshio", lambda path: write_vtu(path / "a.vtu", step())), ("matplotlib", lambda _: problem_figure(PLATE)),
      ("gmsh", lambda _: TriangleMesh.outline(OUTLINE, 0.5))],
 )  # fmt: skip
 def test_without_an_optional_package_the_command_to_type_is_told(package, use, without, tmp_path):

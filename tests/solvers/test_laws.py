@@ -192,12 +192,6 @@ class TestFeasibility:
         assert not is_farkas(qvi, np.array([1.0, 0.0, 0.0]), np.zeros(0))
         assert check_feasibility(qvi).feasible is True
 
-    def test_shares_belong_to_their_points(self):
-        qvi = dragged_block(0.5)
-        normal, tangential = AdmissibleRows.of(qvi).shares(check_feasibility(qvi).farkas[0], 1)
-        assert tangential[0] > 0.0
-        assert normal[0] < tangential[0]
-
     @pytest.mark.parametrize("seed", range(6))
     def test_solutions_lie_in_the_set(self, seed):
         qvi = mixed_problem(seed)

@@ -16,7 +16,6 @@ from qvi_contact.discretization import discretize
 from qvi_contact.gallery import compressed_plate
 from solvers import InputError, Status, available, certify, solve_qvi
 from solvers.basics import Progress, deadline, listening, report
-from solvers.condensed import GAP, Complementarity, DenseCoordinates, InteriorPoint, start_near
 from solvers.factorisation import FactorisationError, factorise
 from solvers.inner import Centre, make_inner, within_time
 from solvers.pivoting import solve_lcp
@@ -311,25 +310,6 @@ def test_a_neighbour_saves_iterations_and_changes_no_answer(problems, method):
     assert warm.problem.resultant(warm.z) == pytest.approx(cold.problem.resultant(cold.z), rel=1e-9)
     size = np.abs(cold.problem.normal(cold.z)).max()
     assert warm.problem.normal(warm.z) == pytest.approx(cold.problem.normal(cold.z), abs=1e-5 * size)
-
-
-def test_the_point_has_the_products_of_the_path_and_the_differences_of_the_state():
-    qvi = discretize(slipping(0.004)).qvi
-    solution = solve_qvi(qvi)
-    reduction = DenseCoordinates(qvi)
-    problem = Complementarity(qvi, reduction, reduction.base(np.zeros(qvi.n)), 1.0)
-    interior = InteriorPoint(problem, 1.0)
-    y = problem.restricted(reduction.coordinates(solution.z))
-    start_near(interior, y, Start.of(solution))
-    point, kappa = interior.point, problem.sizes**2
-    assert problem.tractions(y)[: qvi.m] == pytest.approx(qvi.normal(solution.z), abs=1e-9)
-    assert point.products / interior.parameter() == pytest.approx(interior.omega)
-    share = float(problem.weights @ (point.s * point.lam)) / problem.weights.sum()
-    assert share == pytest.approx(GAP)
-    slack = problem.slack(y, np.zeros(0))
-    lam = problem.bound_multipliers(Start.of(solution).multipliers, slack)
-    assert point.s - kappa * point.lam == pytest.approx(slack - kappa * lam, abs=1e-12)
-    assert problem.multipliers(y, lam)[1] == pytest.approx(solution.tangential_multiplier, abs=1e-12)
 
 
 @pytest.mark.parametrize("method", ["condensed", None])

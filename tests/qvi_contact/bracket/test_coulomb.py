@@ -646,17 +646,6 @@ class TestFrictionAlone:
         first, second = (computed_norm(each, shared(each, 1.0)) for each in posed)
         assert first == pytest.approx(second, rel=1e-6)
 
-    def test_where_shares_of_the_stresses_say_little(self):
-        """A body that much cohesion holds, and one cell that presses at one end."""
-        glued = solve(with_law(self.block(0.3, 0.1), cohesion=1e3)).bracket
-        for said in (glued.message, glued.uniqueness.message):
-            assert f"solutions with less than {glued.coulomb.reach:.2g} times these stresses" in said
-        mesh, tilted = TriangleMesh.rectangle((1, 1)), Displacement("top", x=0.0, y=Polynomial([[-0.1], [0.25]]))
-        tilted = ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.2), tilted, *FREE])
-        wide = solve(tilted, degree=3).bracket
-        assert "the error of the stresses may be as large as they are" in wide.message
-        assert "may differ by more than the energy norm" in wide.uniqueness.message
-
     def test_where_nothing_sticks(self):
         """A force that friction can just bear: the message says what is missing."""
         found = solve(self.block(0.2, 0.2), degree=4)
