@@ -36,6 +36,9 @@ OPTIONS: Final = ("degree", "time_limit")  # options of every limit analysis
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretized; its data are affine in the factor
 _FOLLOWED = 1e-9  # relative misfit of a body force up to which stresses follow it exactly
 _MET: Final = 1e-5  # of 1 + |upper|: a lower side above the upper one by less is rounding, of small loads
+_NO_FLOW: Final = (
+    "no velocities of this mesh bound the factor, as beside held edges where volumes must grow: there may be a limit"
+)
 _FARTHEST: Final = math.log(1e4)  # larger factors of strength count as infinite, below the inverse as zero
 _STEP: Final = math.log(2.0)  # between the factors of strength that are tried first
 _MOST: Final = 1e6  # load factors above this or below its inverse count as this or its inverse
@@ -262,6 +265,8 @@ class LimitProblem:
                 raise
             missing = str(error) if carried.factor < np.inf else ""  # else there is no other side
         upper, by_blocks = min(flow.bound, of_blocks), of_blocks <= flow.bound
+        if upper == np.inf > carried.factor > -np.inf:
+            missing = missing or _NO_FLOW
         lower = _checked(carried, upper, is_straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
             gaps, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress

@@ -195,6 +195,17 @@ def test_what_has_no_tension_has_no_scale():
     assert [each.collapse.gap.sum() for each in found] == pytest.approx([each.upper - each.lower for each in found])
 
 
+def test_an_upper_side_that_no_flow_gives_is_missing_not_infinite():
+    """A smooth wall pushes soil on a held base: passive pressure K_p γ h²/2 + 2 c √K_p h, K_p = 3, is a limit."""
+    held = [Displacement("bottom", x=0.0, y=0.0), Symmetry("right"), Traction("top", x=0.0, y=0.0)]
+    wall = Contact("left", 0.0, name="wall", plate=RigidPlate(force_x=1.0, y=0.0, rotation=0.0))
+    soil = Material(1.0, 0.3, "strain", MohrCoulomb(0.2, np.pi / 6))
+    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
+    limit = limit_load_factor(ContactProblem(mesh, soil, [*held, wall], lambda _, y: y), ["wall"])
+    assert limit == pytest.approx(1.5 + 0.4 * np.sqrt(3.0), rel=1e-6)
+    assert (limit.upper == np.inf) == bool(limit.missing)
+
+
 def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
     """The solver calls 5e-8 the most that one carries, and flows of a huge size, which rounding breaks, passed."""
     grid = TriangleMesh.rectangle((1, 2), 1.2, 1.0).with_region("part", lambda _, y: y < 0.5)
