@@ -185,7 +185,7 @@ def _farkas(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector) -> tuple
     G, h, A, b, _, of_equations = _Scaled.of(qvi, rows.G[chosen], rows.h[chosen])
     if qvi.p:  # equations that contradict each other: the residual of least squares has no component in A
         gram = (A @ A.T).toarray()
-        proof = np.zeros(rows.h.size), of_equations * (gram @ np.linalg.lstsq(gram, b)[0] - b)
+        proof = np.zeros(rows.h.size), of_equations * (gram @ np.linalg.lstsq(gram, b, rcond=None)[0] - b)
         if is_farkas(qvi, *proof):
             return proof
     if not h.size:
