@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -18,10 +18,11 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import linalg
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.errors import SolveError
 from solvers.basics.progress import deadline
 from solvers.basics.types import load
+from solvers.inner.linear_program import solved
 
 _TOLERANCE: Final = 1e-9  # of the solver, for feasibility and duality gap
 _COARSER: Final = 1e-7  # duality gap of the solver in large programs; bounds are computed from x in any case
@@ -35,13 +36,13 @@ _SWEEPS: Final = 4  # steps of the projection on the equations
 HELD: Final = 1e-7  # largest violation, relative to the size, that counts as rounding
 ROUNDING: Final = 1e-11  # violation, relative to the size, that is not worth a second program
 _ROOM: Final = 1e-9  # margin of the inner point up to which a row has no room
+_ROOMY: Final = 1e-6  # margin of the inner point above which all rows have room, and below −1e-6 no point exists
 _ENOUGH: Final = 1e-3  # margin of the least solution of the equations from which it serves as inner point
-FACES: Final = ((1e-7, 1e-3), (1e-6, 1e-3), (1e-5, 1e-3), (1e-6, 1e-2), (1e-5, 1e-2))
-"""Tried in turn: margin below which a cone has no room, and largest angle between u and the ray that replaces it."""
-_SMALL: Final = 1e-5  # cost of t relative to room: without it, inner points may be 1e6 times larger for no more room
-_TIP: Final = 1e-5  # of the size: a cone with a smaller t is at its tip
+_AROUND: Final = 8  # directions around a cone, whose planes find cones that are at their tip at all points
+_TIP: Final = 1e-3  # of the size: a cone with a smaller t may be at its tip
+_ASIDE: Final = 0.1  # largest angle between u and a ray that may be all that a cone has room for
 _LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
-_NEAR: Final = 1e-3  # largest margin asked for in each row: more in some rows may leave none in others
+_NEAR: Final = 1e-3  # largest margin of the inner point of flows
 _TIGHTER: Final = 4.0  # times the violation of an answer: room asked for in a second program
 APART: Final = 1e2  # ratio to the least strength up to which strengths are weighted alike
 _GAIN: Final = 1e-9  # of the sum of |q_i x_i|, and of the fall 1 that is asked for: a smaller fall of q·x is rounding
@@ -87,7 +88,6 @@ class ConicProgram:
     linear: int  # inequalities
     width: int  # rows of a block
     dependent: bool = False
-    _narrower: dict[tuple[bytes, bytes], ConicProgram] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(
@@ -185,48 +185,87 @@ class ConicProgram:
         effect = violation * self.size(x) * float(np.abs(prices).sum())
         return fall > _GAIN * max(1.0, magnitude) and effect <= _MISSED * fall
 
-    def on_faces(
-        self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None
-    ) -> ConicProgram | None:
-        """The program with cones without room replaced by rays u = t û or tips t = u = 0; None if there are none.
+    def on_faces(self, directions: FloatArray) -> ConicProgram | None:
+        """The program on the least faces of its cones that hold all its points; None if all rows have room.
 
-        The û (blocks, k, width − 1) are the directions to choose from. Inequalities of flows without room become
-        equations. The solver finds a point that cannot leave the surface of a cone only up to the root of its
-        tolerance, but one that equations hold there exactly. Every point of the new program is one of the old.
+        A plane t ≥ û·u that holds with equality at all points leaves the ray u = t û of its cone, and two such planes
+        leave the tip t = u = 0. New equations state that, and may make further planes equal. The û are `directions`
+        (blocks, k, width − 1) and some around them. Every point of the new program is one of the old.
         """
-        # cones without room; the ray û of each is the choice nearest to u, cones at their tips have none
-        x, room = self._rooms or (self.q, np.full(1, -np.inf))
-        allowed = max(narrow_below, _NEAR / 10.0 * self.dependent)  # wider for flows, which are used only if better
-        if room.min() < -allowed:  # negative room: the solver's answer is too inaccurate
-            return None
-        narrow = np.flatnonzero(room[self.linear :] < narrow_below)
-        # inequalities of flows only: in wedges tractions may be huge, and their size hides other violations
-        made_equal = self.equal + np.flatnonzero(self.dependent & (room[: self.linear] < narrow_below))
-        blocks, size = self.blocks(x)[narrow], self.size(x)
-        if known is not None:  # cones at their tips take the direction of the known answer
-            blocks = np.where(blocks[:, :1] > _TIP * size, blocks, self.blocks(known)[narrow])
-        t, u = np.split(blocks, [1], axis=1)
-        choices = units[narrow]
-        unit = choices[np.arange(len(narrow)), np.einsum("bku,bu->bk", choices, u).argmax(axis=1)]
-        at_tip = t[:, 0] <= _TIP * size
-        ray = ~at_tip & (np.linalg.norm(u - t * unit, axis=1) <= aside * t[:, 0])
-        # new equations u − t û = 0, t = u = 0, and flat inequalities, scaled; the rows they replace become zero
-        heads = self.equal + self.linear + self.width * narrow[:, None]
-        u_rows, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[at_tip]
+        angles, around = 2.0 * np.pi * (np.arange(_AROUND) + 0.5) / _AROUND, np.eye(self.width)[-1:, 1:]
+        circle = np.column_stack([np.cos(angles), np.sin(angles), *[0.0 * angles] * (self.width - 3)])
+        around = np.concatenate([circle, *[around, -around] * (self.width > 3)])
+        planes = np.concatenate([directions, np.broadcast_to(around, (len(directions), *around.shape))], axis=1)
+        program = self
+        while not deadline.over:
+            equal_rows, equal_planes = program._made_equal(planes)
+            if not (equal_rows.any() or equal_planes.any()):
+                break
+            program = program._on(equal_rows, equal_planes, planes)
+        return None if program is self else program
+
+    def _made_equal(self, planes: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Which inequalities (linear,), and planes t ≥ û·u (blocks, k), are equations at all points.
+
+        The points times all τ ≥ 1 are those of s = b τ − A x. So the linear program max Σ m, 0 ≤ m ≤ 1, s ≥ m of all
+        inequalities and planes has an answer whose m are 0 or 1, and no tolerance decides which. The planes are those
+        near (t, u) at a point far inside the other cones: the nearest, or all where t is small.
+        """
+        first, (x, room) = self.equal + self.linear, self.room()
+        if not abs(room) <= _ROOMY:  # all rows have room, or no point keeps them
+            return np.zeros(self.linear, dtype=bool), np.zeros(planes.shape[:2], dtype=bool)
+        rows = sparse.hstack([-self.A, sparse.csr_array(self.b[:, None] / (np.abs(self.b).max(initial=0.0) or 1.0))])
+        rows = sparse.csr_array(rows @ sparse.diags_array(1.0 / np.append(self._scale, 1.0)))
+        of_rows = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1))).ravel()
+        of_cones = of_rows[first:].reshape(-1, self.width).max(axis=1)
+        t, u = np.split(self.blocks(x), [1], axis=1)
+        apart, is_small = np.linalg.norm(u[:, None] - t[..., None] * planes, axis=2), t <= _TIP * self.size(x)
+        is_near = (apart <= _ASIDE * t) & (apart <= apart.min(axis=1, keepdims=True))
+        block, plane = np.nonzero((is_small | is_near) & (of_cones > _ROUNDED * of_rows.max(initial=0.0))[:, None])
+        heads = first + self.width * block
+        units = enumerate(planes[block, plane].T, 1)
+        tangents: list[Any] = [sparse.diags_array(unit) @ rows[heads + c] for c, unit in units]
+        G = sparse.csr_array(sparse.vstack([rows[self.equal : first], rows[heads] - sum(tangents)]))
+        # planes that are zero, relative to their cones, are equal; rows that are zero already are not replaced
+        norms = np.sqrt(np.asarray(G.multiply(G).sum(axis=1))).ravel()
+        used = norms > HELD * np.append(of_rows[self.equal : first], of_cones[block])
+        is_equal = np.append(np.zeros(self.linear, dtype=bool), np.ones(len(block), dtype=bool))
+        n, count = G.shape[1], int(np.count_nonzero(used))
+        G = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ G[used])
+        E = sparse.diags_array(1.0 / np.where(of_rows > 0.0, of_rows, 1.0)[: self.equal]) @ rows[: self.equal]
+        program: dict[str, Any] = {"A_ub": sparse.csc_array(sparse.hstack([-G, sparse.eye_array(count)]))}
+        program["b_ub"] = np.zeros(count)
+        if self.equal:
+            program["A_eq"] = sparse.csc_array(sparse.hstack([E, sparse.csc_array((self.equal, count))]))
+            program["b_eq"] = np.zeros(self.equal)
+        bounds = [*[(None, None)] * (n - 1), (1.0, None), *[(0.0, 1.0)] * count]
+        answer = solved(np.append(np.zeros(n), -np.ones(count)), bounds=bounds, **program)
+        is_equal[used] = answer.x[n:] < 0.5 if answer.solved else False
+        equal_planes = np.zeros(planes.shape[:2], dtype=bool)
+        equal_planes[block, plane] = is_equal[self.linear :]
+        return is_equal[: self.linear], equal_planes
+
+    def _on(self, equal_rows: BoolArray, equal_planes: BoolArray, planes: FloatArray) -> ConicProgram:
+        """The program with inequalities and planes made equations; rows of the cones that these replace become zero."""
+        first, blocks = self.equal + self.linear, len(planes)
+        unit = planes[np.arange(blocks), equal_planes.argmax(axis=1)]
+        apart = np.linalg.norm(planes - unit[:, None], axis=2) > HELD
+        is_tip = (equal_planes & apart).any(axis=1)
+        ray, heads = equal_planes.any(axis=1) & ~is_tip, first + self.width * np.arange(blocks)[:, None]
+        # new equations u − t û = 0, t = u = 0, and equal inequalities, scaled; the rows they replace become zero
+        u_rows, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[is_tip]
+        made_equal = self.equal + np.flatnonzero(equal_rows)
         rows = sparse.csr_array(sparse.hstack([self.A, sparse.csr_array(self.b[:, None])]))
         along = sparse.diags_array(unit[ray].ravel()) @ rows[np.repeat(heads[ray, 0], self.width - 1)]
         new = sparse.csr_array(sparse.vstack([rows[u_rows[ray].ravel()] - along, rows[tips.ravel()], rows[made_equal]]))
         norms = np.sqrt(np.asarray(new.multiply(new).sum(axis=1))).ravel()
         used = norms > HELD * norms.max(initial=0.0)
-        if not used.any():
-            return None
         new = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ new[used])
         kept = np.ones(len(self.b))
         kept[np.concatenate([u_rows[ray].ravel(), tips.ravel(), made_equal])] = 0.0
         others = sparse.csr_array(sparse.diags_array(kept) @ rows)[self.equal :]
         rows = sparse.csr_array(sparse.vstack([rows[: self.equal], new, others]))
-        program = replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(used.sum()))
-        return self._narrower.setdefault((kept.tobytes(), unit[ray].tobytes()), program)  # equal programs: one object
+        return replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(used.sum()))
 
     def _extended(self, q: FloatArray, rows: Any, limits: FloatArray, *columns: sparse.csr_array) -> ConicProgram:
         """The program with more columns, then with more inequalities."""
@@ -239,6 +278,11 @@ class ConicProgram:
         """The rows of inequalities and of t: a larger value there means more room."""
         first = self.equal + self.linear
         return np.concatenate([np.arange(self.equal, first), np.arange(first, len(self.b), self.width)])
+
+    @cached_property
+    def _has_rows(self) -> BoolArray:
+        """Whether inequalities and cones have not been replaced by equations, which leave rows of zeros."""
+        return np.asarray((abs(self.A[self._heads]).sum(axis=1) + np.abs(self.b[self._heads])) > 0.0)
 
     def projected(self, x: FloatArray) -> FloatArray:
         """The nearest point to x that keeps the equations; for independent equations, nearest in all other rows."""
@@ -283,6 +327,7 @@ class ConicProgram:
         """How far x is inside all inequalities and cones, relative to its size; negative outside."""
         margins = self.b[self._heads] - self.A[self._heads] @ x
         margins[self.linear :] -= np.linalg.norm(self.blocks(x)[:, 1:], axis=1)
+        margins[~self._has_rows] = self.size(x)
         return np.asarray(margins / self.size(x))
 
     def repaired(self, x: FloatArray, least: float = 0.0) -> tuple[FloatArray, float]:
@@ -312,8 +357,8 @@ class ConicProgram:
                 x = min([x] if isinstance(answer, str) else [x, self.projected(answer.x)], key=worse)
                 violation = violation_of(x)
         if least or violation > ROUNDING:
-            point = inside if is_inside else self._inside()
-            if point is not None:
+            point, room = (inside, 1.0) if is_inside else self.room()
+            if room > 0.0:
                 combination = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
                 if least or worse(combination) < worse(x):  # rows without room do not improve
                     x = combination
@@ -329,32 +374,14 @@ class ConicProgram:
         return float((violation / (room[is_outside] + violation)).max(initial=0.0))
 
     def room(self) -> tuple[FloatArray, float]:
-        """The point farthest inside all inequalities and cones, and its distance; negative if it is outside."""
-        found = self._roomy(each=False).solve()
+        """The point farthest inside all inequalities and cones, and its distance; negative if it is outside.
+
+        The distance is at most 1, relative to the limits; flows far inside dissipate too much, theirs is at most 1e-3.
+        """
+        unit = self.size(0.0 * self.q) if np.any(self.b[self._heads]) else 1.0
+        heads = self._heads[self._has_rows]
+        column = sparse.csr_array((np.full(len(heads), unit), (heads, 0 * heads)), shape=(len(self.b), 1))
+        row, most = np.append(0.0 * self.q, 1.0), _NEAR if self.dependent else 1.0
+        program = self._extended(-row, row[None], np.array([most]), column)
+        found = program.solve(REGULAR[::-1] if self.dependent else REGULAR)
         return (np.zeros(0), -np.inf) if isinstance(found, str) else (self.projected(found.x[:-1]), float(found.x[-1]))
-
-    def _inside(self) -> FloatArray | None:
-        """A point as far inside all rows as possible; None if none is found."""
-        if not self.dependent:  # flows far inside dissipate too much
-            x, room = self.room()
-            if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
-                return x
-        return None if self._rooms is None else self._rooms[0]
-
-    @cached_property
-    def _rooms(self) -> tuple[FloatArray, FloatArray] | None:
-        """A point as far inside all rows as possible, up to 1e-3 in each, and its distances; None if none is found."""
-        answer, n = self._roomy(each=True).solve(REGULAR[::-1]), len(self.q)  # the largest is best without an interior
-        return None if isinstance(answer, str) else (self.projected(answer.x[:n]), answer.x[n:])
-
-    def _roomy(self, *, each: bool) -> ConicProgram:
-        """Max m ≤ 1 with m taken off all rows; or, for `each` row, max Σ m_i less a little of all t, 0 ≤ m_i ≤ 1e-3."""
-        heads, n = self._heads, len(self.q)
-        count = len(heads) if each else 1
-        column_of = np.arange(count) if each else np.zeros(len(heads), dtype=np.int64)
-        columns = sparse.csr_array((np.ones(len(heads)), (heads, column_of)), shape=(len(self.b), count))
-        own_rows = sparse.hstack([sparse.csr_array((count, n)), sparse.eye_array(count)])
-        bounds = sparse.vstack([own_rows, -own_rows]) if each else own_rows
-        limits = np.concatenate([np.full(count, _NEAR if each else 1.0), np.zeros(count if each else 0)])
-        small = (_SMALL if each else 0.0) * np.asarray(self.A[heads[self.linear :]].sum(axis=0)).ravel() / count
-        return self._extended(np.concatenate([-small, -np.ones(count) / count]), bounds, limits, columns)

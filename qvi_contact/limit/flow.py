@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
@@ -31,9 +31,9 @@ from qvi_contact.element.edge import product_integrals
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import quadrature
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import APART, FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram, beside
+from qvi_contact.limit.conic import APART, HELD, ROUNDING, UNBOUNDED, ConicProgram, beside
 from qvi_contact.limit.split import coefficients_of, derivatives, lattice, nodes_along, numbered, part_corners
-from qvi_contact.limit.stresses import PASSES, Carried, YieldCones, limited, shear_laws
+from qvi_contact.limit.stresses import Carried, YieldCones, limited, shear_laws
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID, whole_edges
 from qvi_contact.mesh.edges import Edges, cross
@@ -42,7 +42,6 @@ from qvi_contact.problem.fields import along_edges, times
 from qvi_contact.problem.material import Mises, Tresca
 from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
-from solvers.basics.progress import deadline
 
 _MUCH: Final = 1e-4  # relative increase of dissipation by `repaired` above which flows on faces are tried
 
@@ -234,8 +233,7 @@ class FlowProgram:
         for name, row in self._powers():
             (live if name in self.names else dead)[:] += row @ self.space.basis
         program = full = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
-        solve = cache(ConicProgram.solve)  # programs on faces may be equal
-        answer = solve(program)
+        answer = full.solve()
         if isinstance(answer, str):
             return Flow(-np.inf if answer == UNBOUNDED or full.falls else np.inf)
 
@@ -251,18 +249,14 @@ class FlowProgram:
         x, violation = program.repaired(start, share)
         x = raised(x)
         is_costly = float(full.q @ (x - start)) > _MUCH * float(np.abs(full.q) @ np.abs(start))
-        for faces in () if share else FACES[: int(is_costly)] if cones.limit.all() else FACES:
-            program, answer = full, first
-            for _ in range(PASSES):
-                excess = -float(program.margins(raised(answer.x)).min(initial=0.0))
-                narrower = program.on_faces(cones.rays, *faces) if excess > ROUNDING and not deadline.over else None
-                answer = INFEASIBLE
-                with suppress(SolveError):  # the flow found so far stays
-                    answer = solve(narrower) if narrower else INFEASIBLE
-                if answer == UNBOUNDED:  # flows on faces keep the cones
-                    return Flow(-np.inf)
-                if narrower is None or isinstance(answer, str):
-                    break
+        is_outside = not share and -full.margins(start).min(initial=0.0) > ROUNDING
+        narrower = full.on_faces(cones.rays) if is_outside and (is_costly or not cones.limit.all()) else None
+        if narrower is not None:
+            with suppress(SolveError):  # the flow found so far stays
+                answer = narrower.solve()
+            if answer == UNBOUNDED:  # flows on faces keep the cones
+                return Flow(-np.inf)
+            if answer is not first and not isinstance(answer, str):
                 program = narrower
                 other, other_violation = program.repaired(raised(answer.x))
                 other = raised(other)

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from itertools import chain, product
 from typing import Any, Final, TypeAlias
 
@@ -28,7 +28,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import APART, FACES, HELD, LATE, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
+from qvi_contact.limit.conic import APART, HELD, LATE, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -49,9 +49,6 @@ PRESSURE, TENSION, EITHER, ROUGH = -1, 1, 0, 2
 
 ALONG: Final = np.linspace(0.0, 1.0, 33)
 """Points on an edge, 0 to 1, at which fields of contacts are evaluated."""
-
-PASSES: Final = 4
-"""How often cones without room are replaced by rays; after each time other cones may have no room."""
 
 _DROP: Final = 0.1  # relative loss of the factor, or gap to its bound, that shows that cones with room became rays
 
@@ -340,37 +337,30 @@ class StressProgram:
         return self._with_signs(solve, CERTIFIED + 2.0 * share)  # the state inside may carry −α: then α falls by 2 α
 
     def _within_limits(self, signs: IntArray, share: float) -> Carried:
-        """The answer for signs of bilateral pressure."""
-        program, known, find = self.program(signs), None, cache(partial(self._of_program, share=share))
+        """The answer for signs of bilateral pressure.
+
+        Cones without room are replaced by their least faces where a strength is 0, or if the first answer is in doubt:
+        without room, limits that are 1e-13 wider may carry much more.
+        """
+        program, known = self.program(signs), None
+        if not self.cones.limit.all():
+            program = program.on_faces(self.cones.rays) or program
         with suppress(SolveError):
             known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
-        first = best = self._of_program(program, share, known)
-        is_valid, least_factor = first.violation <= ROUNDING, first.factor - max(_DROP * abs(first.factor), CERTIFIED)
-        for number, faces in enumerate(FACES):  # first the finer resolutions of room, if the answer is that accurate
-            is_found = best is not first
-            is_enough = (is_valid or best.factor >= least_factor) if is_found else number > 1
-            if is_enough or deadline.over:
-                break
-            with suppress(SolveError):  # earlier answers stay valid
-                other = self._on_faces(program, first, find, faces)
-                is_better = best.violation > ROUNDING or other.factor > best.factor
-                best = other if not is_found or (other.violation <= ROUNDING and is_better) else best
-        return max(first, best, key=lambda one: one.factor) if is_valid else best
-
-    def _on_faces(
-        self, program: ConicProgram, found: Carried, find: Callable[[ConicProgram], Carried], faces: tuple[float, float]
-    ) -> Carried:
-        """The answer after cones without room have become rays, starting from the answer `found` of the program."""
-        for _ in range(PASSES):
-            is_doubtful = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
-            if is_doubtful and found.violation <= ROUNDING and np.isfinite(found.factor) and program.falls:
-                return Carried(np.inf)
-            is_unsure = found.violation > ROUNDING or found.factor == -np.inf < found.bound or is_doubtful
-            narrower = program.on_faces(self.cones.rays, *faces, found.unknowns) if is_unsure else None
-            if narrower is None:
-                break
-            program, found = narrower, find(narrower)
-        return found
+        first = self._of_program(program, share, known)
+        is_valid = first.violation <= ROUNDING
+        is_doubtful = first.bound - first.factor > max(_DROP * abs(first.factor), CERTIFIED)
+        if is_doubtful and is_valid and np.isfinite(first.factor) and program.falls:
+            return Carried(np.inf)
+        if is_valid and not is_doubtful:
+            return first
+        narrower = program.on_faces(self.cones.rays)
+        if narrower is None:
+            return first
+        with suppress(SolveError):  # the first answer stays valid
+            other = self._of_program(narrower, share)
+            return max(first, other, key=lambda one: (one.violation <= ROUNDING, one.factor))
+        return first
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
         """The first answer within the limits up to rounding: the known point, or the solver's; else the best answer."""

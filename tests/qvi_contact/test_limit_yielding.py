@@ -183,15 +183,18 @@ def test_neither_side_minds_how_large_a_load_is_beside_the_others(small):
 
 
 def test_what_has_no_tension_has_no_scale():
-    """Pressed f times as much a wall carries f times the push, not by more than rounding: its free side is uniaxial."""
-    free, found = Traction("right", x=0.0, y=0.0), []
-    for f in (1.0, 2.5):
+    """Pressed f times as much a wall carries f times the push: its free side is uniaxial, and leaves no room.
+
+    Rounding decided between 0.099 and 0.148 while cones without room were told by the room that a solver finds.
+    """
+    free, found, sizes = Traction("right", x=0.0, y=0.0), [], np.array([1.0, 2.5, 3.1, 3.3, 3.7])
+    for f in sizes:
         cap = Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-f, moment=0.05 * f, pivot=(0.75, 2.0)))
         conditions = [Displacement("bottom", x=0.0, y=0.0), cap, Traction("left", x=1.0, y=0.0, name="push"), free]
         mesh, material = TriangleMesh.rectangle((2, 3), 1.0, 2.0), Material(1.0, 0.2, strength=NoTension())
         found.append(limit_load_factor(ContactProblem(mesh, material, conditions), ["push"], degree=3))
-    assert [found[0].lower, found[1].lower / 2.5] == pytest.approx([0.145593] * 2, rel=1e-4)  # along faces: see below
-    assert [found[0].upper, found[1].upper / 2.5] == pytest.approx([2.116995] * 2, rel=1e-5)
+    assert [each.lower for each in found] / sizes == pytest.approx(0.1455918, rel=1e-5)
+    assert [each.upper for each in found] / sizes == pytest.approx(2.116995, rel=1e-5)
     assert [each.collapse.gap.sum() for each in found] == pytest.approx([each.upper - each.lower for each in found])
 
 
@@ -216,7 +219,7 @@ def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
     block = ContactProblem(mesh, own, [*held, push], regions=[Region(other, name="part")])
     least, more = (limit_load_factor(block, ["push"], degree=degree).lower for degree in (3, 4))
     assert least == pytest.approx(0.894467, rel=1e-4)
-    assert 1.6 < more < 1.8  # how near it comes along rays of the program hangs on the kernel of BLAS
+    assert more == pytest.approx(1.66034, rel=1e-5)  # limits that are 1e-13 wider carry 1.688
     sets = {"held": [(3, 4)], "cap": [(4, 5)], "load": [(1, 2)], "rest": [(0, 1), (0, 3)], "right": [(2, 5)]}
     grid = TriangleMesh.rectangle((2, 1), 0.92, 0.62).with_region("part", lambda x, _: x > 0.46)
     contacts = [Contact("rest", 1.0, cohesion=0.1, shear_limit=1.0), Contact("cap", 0.0, cohesion=0.3, law="bilateral")]
