@@ -191,7 +191,7 @@ def _ill_conditioned(qvi: FrictionQVI) -> Outcome | None:
 
 
 def _linear(qvi: FrictionQVI, method: str) -> Tries:
-    """The bonded solution, for a problem without contact points or without unknowns."""
+    """The bonded solution, for a problem whose tractions do not vary, as without contact points or unknowns."""
     (z, nu, _), zero = qvi.bonded_state.corrected, np.zeros(qvi.m)
     reason = Status.SOLVED if qvi.m == 0 else Status.INFEASIBLE  # unless the certificate passes
     yield Attempt(method, "", reason, 0), Outcome(reason, z, zero, zero, nu, versions=versions(("scipy",)))
@@ -251,10 +251,9 @@ class Search:
         report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
         best, certificate = None, None
+        tries = chain(_linear(qvi, method)) if qvi.contact.is_fixed else chain[tuple[Attempt, Outcome]]()
         if qvi.m and qvi.n:
-            tries = chain.from_iterable(tried(self) for way in ways for tried in way.tries)
-        else:
-            tries = chain(_linear(qvi, method))
+            tries = chain(tries, chain.from_iterable(tried(self) for way in ways for tried in way.tries))
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # divergence becomes a status
                 for attempt, outcome in tries:

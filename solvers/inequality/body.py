@@ -92,6 +92,11 @@ class Stiffness(PicklesFields):
         return np.asarray(self.K.diagonal())
 
     @cached_property
+    def positive_diagonal(self) -> Vector:
+        """The diagonal of K (n,), 1 where it is zero: z_i √K_ii has the unit √energy for every unknown."""
+        return np.where(self.diagonal > 0.0, self.diagonal, 1.0)
+
+    @cached_property
     def by_columns(self) -> Sparse:
         """K as a sparse matrix."""
         return by_columns(self.K)
