@@ -32,9 +32,7 @@ _EXCLUDED_SIZE = 1e4
 """A proof must exclude every z up to this multiple of the sizes that `is_farkas` names."""
 
 _LEAST_VIOLATION = 1e-9
-"""Violation of a row, over the largest |h|, that makes a problem without unknowns infeasible."""
-
-_ROUNDING = 1e-12  # residual of an equation, over the largest right-hand side, that is rounding
+"""Violation of an equation, or of a row without unknowns, over the largest right-hand side, that is no rounding."""
 
 LARGEST = 4000
 """Rows of G up to which the linear program is solved; it takes 25 ms for 400 rows, and 2 s for this many."""
@@ -184,7 +182,7 @@ def _farkas(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector) -> tuple
     if qvi.p:  # equations that contradict each other: the residual of least squares has no component in A
         gram = (A @ A.T).toarray()
         residual = gram @ np.linalg.lstsq(gram, b, rcond=None)[0] - b
-        residual[np.abs(residual) <= _ROUNDING * largest(b)] = 0.0
+        residual[np.abs(residual) <= _LEAST_VIOLATION * largest(b)] = 0.0
         proof = np.zeros(rows.h.size), of_equations * residual
         if is_farkas(qvi, *proof):
             return proof
