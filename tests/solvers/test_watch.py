@@ -21,7 +21,7 @@ from solvers.pivoting import solve_lcp
 from solvers.solution import Attempt, Outcome, Start
 from solvers.solve import Way, followed_solutions, traction_difference
 from tests.cases import examples, refused_at
-from tests.solvers.conftest import LAWS, chain, one_contact, random_problem, two_contacts, with_constant_tractions
+from tests.solvers.conftest import LAWS, chain, one_contact, random_problem, with_constant_tractions
 
 INNER = "qp:clarabel"
 LIMITED = ("qp:clarabel", "qp:osqp", "qp:qpalm", "direct:clarabel")  # these say so, too
@@ -251,14 +251,9 @@ def test_a_start_does_not_change_the_method_and_states_of_other_problems_give_th
     assert np.array_equal(started.z, plain.z)
     other = Start(np.ones(qvi.m), np.zeros(qvi.n + 1), np.zeros(2 * qvi.m))
     assert solve_qvi(qvi, initial=other).iterations == plain.iterations
-    with refused_at("initial"):
-        solve_qvi(qvi, method="condensed", initial=np.ones(qvi.m))
-
-
-@pytest.mark.parametrize("settings", [{"method": "condensed"}, {"method": "uzawa"}, {"rule": "printed"}])
-def test_who_takes_no_pressure_as_a_start(settings):
-    with refused_at("initial"):
-        solve_qvi(two_contacts(), **settings, initial=[1.0, 1.0], max_iterations=1)
+    for settings in ({"method": "condensed"}, {"method": "uzawa"}, {"rule": "printed"}):
+        with refused_at("initial"):
+            solve_qvi(qvi, **settings, initial=np.ones(qvi.m))
 
 
 # Other ways to an answer: from that of a problem before, and by pivoting; other solutions.
