@@ -253,13 +253,10 @@ def test_equations_may_fix_what_has_no_stiffness():
 def test_equations_may_fix_all_tractions(method, stress):
     """The contact has no stiffness then; it is pressed by `stress`, and slips nowhere, or is touched up to rounding."""
     for seed in range(8):
-        random = np.random.default_rng(seed)
-        rows, z, root = random.normal(size=(4, 6)), random.normal(size=6), random.normal(size=(6, 6))
+        qvi, random = random_problem(seed, n=6, m=2), np.random.default_rng(100 + seed)
+        rows, z = qvi.contact.rows, random.normal(size=6)
         A, shift = random.normal(size=(4, 4)) @ rows, stress * np.array([-1.0, -2.0, 0.3, -0.6]) - rows @ z
-        solution = solve_qvi(FrictionQVI.from_arrays(
-            K=root @ root.T + np.eye(6), f=10.0 * random.normal(size=6), N=rows[:2], T=rows[2:], n0=shift[:2],
-            t0=shift[2:], mu=[0.3, 0.3], W=[1.0, 2.0], A=A, b=A @ z,
-        ), method)  # fmt: skip
+        solution = solve_qvi(changed(qvi, A=A, b=A @ z, n0=shift[:2], t0=shift[2:]), method)
         assert solution.status is Status.SOLVED, solution.message
 
 
