@@ -275,8 +275,3 @@ def test_frictionless_cycles_unless_the_step_shrinks_and_a_long_history_is_thinn
     assert numbers[-1] == 4_005
     assert len(numbers) < 2100
     assert solution.history[-1].energy == pytest.approx(qvi.energy(solution.z))
-
-
-def test_uzawa_meets_equations():
-    qvi = random_problem(4, equalities=2)
-    assert qvi.A @ solve_qvi(qvi, method="uzawa", iterations=10).z == pytest.approx(qvi.b, abs=1e-10)

@@ -97,6 +97,7 @@ def test_equations_are_substitutions(seed):
     one, other = solve_qvi(qvi, tolerance=1e-9), solve_qvi(smaller, tolerance=1e-9)
     assert one.status is other.status is Status.SOLVED
     assert one.z == pytest.approx(particular + Z @ other.z, abs=1e-7)
+    assert qvi.A @ solve_qvi(qvi, method="uzawa", iterations=10).z == pytest.approx(qvi.b, abs=1e-10)
 
 
 def used(qvi, solution):
