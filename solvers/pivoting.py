@@ -168,7 +168,8 @@ def solve_pivoting(
             if end is not None and end[2] <= _LARGEST_ERROR:
                 near = None if start is None else active is not None
                 break
-        reason, message = vertex.reason, _MESSAGES.get(vertex.reason, "")
+        reason = vertex.reason
+        message = "the path of pivots ends in a ray" if reason is Status.STALLED else ""
         if end is None:
             break
         found, tractions, error = end
@@ -186,12 +187,6 @@ def solve_pivoting(
     if found is None:
         return Outcome.nothing(qvi, reason, **more)
     return Outcome(reason, *found, history, len(history), **more)
-
-
-_MESSAGES = {
-    Status.STALLED: "the path of pivots ends in a ray",
-    Status.TIME_LIMIT: "the time limit was reached on the path of pivots",
-}
 
 
 # Linear complementarity by pivoting: x ≥ 0, w = q + M x ≥ 0, xᵀw = 0.

@@ -87,8 +87,6 @@ LEAST_SECONDS = 15.0
 _LARGEST_BONDED_ERROR = 1e-4
 """Relative error of the bonded solution, in the energy norm, above which the fixed point and Uzawa are not started."""
 
-_METHOD_FREE_OPTIONS: Final = {"max_iterations"}  # options that do not choose a method
-
 _FAILURES = {
     "singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT,
     "backend": Status.BACKEND_FAILED,
@@ -162,11 +160,6 @@ def vertices(search: Search) -> Tries:
         yield Attempt(name, "", outcome.reason, outcome.iterations), outcome
 
 
-def first_vertex(search: Search) -> Tries:
-    """Pivoting along the first direction, for small contacts."""
-    return islice(vertices(search), 1)
-
-
 def fixed_point(search: Search) -> Tries:
     """The fixed point, an outer iteration on the friction bound."""
     options, name = search.options(FixedPointOptions), check_name(search.inner)
@@ -191,7 +184,7 @@ def _ill_conditioned(qvi: FrictionQVI) -> Outcome | None:
 
 
 def _linear(qvi: FrictionQVI, method: str) -> Tries:
-    """The bonded solution, for a problem without contact points or without unknowns."""
+    """The bonded solution, for a problem whose tractions do not vary, as without contact points or unknowns."""
     (z, nu, _), zero = qvi.bonded_state.corrected, np.zeros(qvi.m)
     reason = Status.SOLVED if qvi.m == 0 else Status.INFEASIBLE  # unless the certificate passes
     yield Attempt(method, "", reason, 0), Outcome(reason, z, zero, zero, nu, versions=versions(("scipy",)))
@@ -208,7 +201,7 @@ class Way(NamedTuple):
 
 
 ATTEMPTS: Final = (
-    Way("pivoting", (first_vertex,), serves=affordable),
+    Way("pivoting", (lambda search: islice(vertices(search), 1),), serves=affordable),  # along the first direction
     Way("condensed", (usual_start, other_paths)),
     Way("pivoting", (vertices,), "Pivoting", lambda qvi: affordable(qvi, LARGEST_LATE)),
     Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: qvi.m <= _LARGEST_FIXED_POINT),
@@ -251,10 +244,9 @@ class Search:
         report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
         best, certificate = None, None
+        tries = chain(_linear(qvi, method)) if qvi.contact.is_fixed else chain[tuple[Attempt, Outcome]]()
         if qvi.m and qvi.n:
-            tries = chain.from_iterable(tried(self) for way in ways for tried in way.tries)
-        else:
-            tries = chain(_linear(qvi, method))
+            tries = chain(tries, chain.from_iterable(tried(self) for way in ways for tried in way.tries))
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # divergence becomes a status
                 for attempt, outcome in tries:
@@ -341,7 +333,7 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
 
     with qvi.stiffness.using(settings.factorisation, settings.threads), listening(hear) if callback else nullcontext():
         search = Search(qvi, settings, initial)
-        first, is_free = ATTEMPTS[0], settings.by_default and not settings.options.keys() - _METHOD_FREE_OPTIONS
+        first, is_free = ATTEMPTS[0], settings.by_default and not settings.options.keys() - {"max_iterations"}
         if is_free and first.serves(qvi) and search.try_ways(first):
             return search.solution()
         search.try_ways(*(way for way in ATTEMPTS if way.method == settings.chosen))

@@ -10,7 +10,7 @@ strain energy E_b = ½|r(z)|² (without a root ½ zᵀKz) and the scales
 the measures are
 
     equality                    max over rows of (|A z − b| − ε |A| max |z|)⁺ / B,  ε = 1e-15,
-                                B_i = b_i' + 1e-3 max b',  b' = |b| + 1e-4 |A||z|
+                                B_i = b_i' + 1e-3 |a_i| max b'/|a|,  b' = |b| + 1e-4 |A||z|,  |a|² = Σ a_j² / K_jj
     normal                      max (σ_N)⁺ / S, unilateral points
     friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
@@ -231,7 +231,7 @@ def law_residuals(
 # The certificate.
 
 
-# Scale of a row of A z = b: |b|, plus this share of |A||z|, plus this share of the largest row's.
+# Scale of a row of A z = b: |b|, plus this share of |A||z|, plus this share of the largest, for rows of one length.
 _TERMS_SHARE, _LARGEST_ROW_SHARE = 1e-4, 1e-3
 _UNKNOWN_ROUNDING = 1e-15  # ε: error of the unknowns, over the largest one, that a row of A z = b may show
 _ROUNDING_FREE = 1e-9  # relative error |ρ| / √(2 E_b) above which the rounding of z is subtracted
@@ -385,7 +385,8 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     equality = conjugate = 0.0
     if qvi.p:
         sizes = np.abs(qvi.b) + _TERMS_SHARE * (abs(A) @ np.abs(z))
-        sizes += _LARGEST_ROW_SHARE * sizes.max(initial=0.0)
+        lengths = np.sqrt((A * A) @ (1.0 / qvi.stiffness.positive_diagonal))
+        sizes += _LARGEST_ROW_SHARE * lengths * (sizes[lengths > 0.0] / lengths[lengths > 0.0]).max(initial=0.0)
         rounding = _UNKNOWN_ROUNDING * (abs(A) @ np.full(qvi.n, largest(z)))
         violation = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
         equality = largest(violation / np.where(sizes > 0.0, sizes, 1.0))
@@ -450,5 +451,4 @@ def scales_of(qvi: FrictionQVI, tractions: Vector, body: float) -> dict[str, flo
 
 def _diagonal_norm(qvi: FrictionQVI, residual: Vector) -> float:
     """√(Σ r_i² / K_ii) of a residual or load (n,)."""
-    diagonal = qvi.stiffness.diagonal
-    return sqrt(residual @ (residual / np.where(diagonal > 0.0, diagonal, 1.0)))
+    return sqrt(residual @ (residual / qvi.stiffness.positive_diagonal))

@@ -32,7 +32,7 @@ _EXCLUDED_SIZE = 1e4
 """A proof must exclude every z up to this multiple of the sizes that `is_farkas` names."""
 
 _LEAST_VIOLATION = 1e-9
-"""Violation of a row, over the largest |h|, that makes a problem without unknowns infeasible."""
+"""Violation of an equation, or of a row without unknowns, over the largest right-hand side, that is no rounding."""
 
 LARGEST = 4000
 """Rows of G up to which the linear program is solved; it takes 25 ms for 400 rows, and 2 s for this many."""
@@ -103,7 +103,7 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
     """
     if not (np.isfinite(y).all() and np.isfinite(nu).all()) or y.min(initial=0.0) < 0:
         return False
-    rows, D, sizes = AdmissibleRows.of(qvi), _unknown_sizes(qvi), np.abs(nu)
+    rows, D, sizes = AdmissibleRows.of(qvi), np.sqrt(qvi.stiffness.positive_diagonal), np.abs(nu)
     deficit = -float(rows.h @ y + qvi.b @ nu)
     rest = float((np.abs(rows.G.T @ y + qvi.A.T @ nu) / D).sum())
     terms = float(((abs(rows.G).T @ y + abs(qvi.A).T @ sizes) / D).sum())
@@ -112,24 +112,20 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
     return deficit > 0 and deficit >= _EXCLUDED_SIZE * bonded * rest and is_clear
 
 
-def _unknown_sizes(qvi: FrictionQVI) -> Vector:
-    """D (n,): z_i D_i has the unit √energy for every unknown, D_i² = K_ii; 1 where K_ii = 0."""
-    diagonal = qvi.stiffness.diagonal
-    return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-
-
 def check_feasibility(qvi: FrictionQVI) -> Feasibility:
     """Whether the load can be carried: by `refuted`, else by Clarabel, whose claims `is_farkas` checks.
 
     If the rows σ_N ≤ 0 alone cannot be met, the proof has no multipliers on friction, which is then not the reason.
     """
     rows = AdmissibleRows.of(qvi)
-    if not qvi.n:  # C is empty if a row 0 ≤ h fails, and the multiplier 1 of that row proves it
-        failed = rows.h.min(initial=0.0) < -_LEAST_VIOLATION * float(np.abs(rows.h).max(initial=0.0))
-        if failed:
-            y = np.eye(1, rows.h.size, int(np.argmin(rows.h)))[0]
-            text = "the stress is statically determinate and violates the contact law"
-            return Feasibility(False, None, (y, np.zeros(0)), text)
+    if not qvi.n:  # C is empty if a row 0 ≤ h or 0 = b fails, and the multiplier ±1 of that row proves it
+        right = np.concatenate([rows.h, qvi.b])
+        violation = np.concatenate([-rows.h, np.abs(qvi.b)])
+        if violation.max(initial=0.0) > _LEAST_VIOLATION * largest(right):
+            worst = int(np.argmax(violation))
+            multipliers = -np.sign(right[worst]) * np.eye(1, right.size, worst)[0]
+            text = "the stress is statically determinate and violates the equations or the contact law"
+            return Feasibility(False, None, (multipliers[: rows.h.size], multipliers[rows.h.size :]), text)
         return Feasibility(True, np.zeros(0), None, "the load can be carried by the one admissible traction")
     proof = refuted(qvi)
     if proof is not None:
@@ -170,12 +166,12 @@ class _Scaled(NamedTuple):
     @classmethod
     def of(cls, qvi: FrictionQVI, G: Sparse, h: Vector) -> _Scaled:
         """The chosen rows G z ≤ h and the equations of a problem."""
-        D, stress = diags_array(1.0 / _unknown_sizes(qvi)), largest(h) or 1.0
-        G, A = csc_array(G @ D), csc_array(qvi.A @ D)
+        D, stress = 1.0 / np.sqrt(qvi.stiffness.positive_diagonal), largest(h) or 1.0
+        G, A = csc_array(G @ diags_array(D)), csc_array(qvi.A @ diags_array(D))
         size = largest(G.data) or 1.0
         sizes = np.asarray(abs(A).max(axis=1).toarray()).ravel() if A.nnz else np.ones(qvi.p)
         sizes[sizes == 0.0] = 1.0
-        unit = stress / size / _unknown_sizes(qvi)
+        unit = stress / size * D
         A = csc_array(diags_array(1.0 / sizes) @ A)
         return cls(csc_array(G / size), h / stress, A, qvi.b * size / (stress * sizes), unit, size / sizes)
 
@@ -185,7 +181,9 @@ def _farkas(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector) -> tuple
     G, h, A, b, _, of_equations = _Scaled.of(qvi, rows.G[chosen], rows.h[chosen])
     if qvi.p:  # equations that contradict each other: the residual of least squares has no component in A
         gram = (A @ A.T).toarray()
-        proof = np.zeros(rows.h.size), of_equations * (gram @ np.linalg.lstsq(gram, b, rcond=None)[0] - b)
+        residual = gram @ np.linalg.lstsq(gram, b, rcond=None)[0] - b
+        residual[np.abs(residual) <= _LEAST_VIOLATION * largest(b)] = 0.0
+        proof = np.zeros(rows.h.size), of_equations * residual
         if is_farkas(qvi, *proof):
             return proof
     if not h.size:

@@ -100,8 +100,11 @@ class Complementarity:
         self.friction: Vector = np.where(is_coulomb, mu, 0.0)
         self.signs: Vector = np.where(self._sign == 0.0, 1.0, self._sign)
         # Matrices (t, q) that sum values of the bounds of each traction: with signs, without signs, and times ± mu.
-        entries = (self.signs, np.ones(len(self.signs)), self.signs * self.friction)
-        self.signed, self._summed, self._friction_signed = (self._summing(each) for each in entries)
+        entries = (self.signs, np.ones(len(kind)), self.signs * self.friction)
+        entry_places = self.traction, np.arange(len(kind))
+        self.signed, self._summed, self._friction_signed = (
+            stored(csr_array((each, entry_places), (len(self.bounds), len(kind)))) for each in entries
+        )
         fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._constant_bound: Vector = np.where(self._sign == 0.0, 0.0, fixed)
         self.count = count = len(normal)
@@ -122,11 +125,6 @@ class Complementarity:
         self._split_bounds: IntVector = np.flatnonzero(is_coulomb & qvi.bilateral[self._points])
         self._split_points: IntVector = np.searchsorted(self.split, self._points[self._split_bounds])
         self._split_shears: IntVector = places[1, self.split]
-
-    def _summing(self, entries: Vector) -> Rows:
-        """The matrix (t, q) with an entry for each bound in the row of its traction."""
-        places = self.traction, np.arange(len(entries))
-        return stored(csr_array((entries, places), (len(self.bounds), len(entries))))
 
     def _lay_out_rows(self) -> None:
         """Rows of tractions and bounds in the free coordinates."""

@@ -44,7 +44,6 @@ _PASSED_RESIDUAL = 1e-9  # slack residual above which τ stays at `_WAITING` tim
 _WAITING = 30.0
 _START_SLACK = 0.1  # least slack at the start, over the scale of stress
 _START_KINK = 1.0  # √(4 tension · pressure) at the start, over the scale of stress
-_SHARPENING = 0.1  # factor of the weights ω of tension · pressure if the kink lags behind the gap
 _FINEST = 1e-17  # gap below which slacks and multipliers lose their digits
 _TINY = 1e-300
 
@@ -156,10 +155,6 @@ class InteriorPoint:
         self._n_stragglers = int(self.problem.system.stragglers * len(self.omega))
         self._set_omega(self.omega)
         self.omega[count:] *= tau / max(self.parameter(), _TINY)
-
-    def sharpen(self) -> None:
-        """Reduce the targets of tension · pressure; at points where σ_N = 0 both fall like √τ only."""
-        self.omega[len(self.point.s) :] *= _SHARPENING
 
     def measures(self, residuals: Residuals) -> Measures:
         """Relative errors of the current point."""

@@ -65,6 +65,7 @@ _MOST_ITERATIONS = 300  # iterations of one start
 LAST: Final = (Status.ILL_CONDITIONED, Status.MAX_ITERATIONS, Status.TIME_LIMIT)
 """Reasons for the end of a run after which no other start is tried."""
 
+_SHARPENING = 0.1  # factor of the weights ω of tension · pressure if the kink lags behind the gap
 _SETTLED = 1e-7  # residual of slacks at which the late weights are taken, see `InteriorPoint.settle`
 _ON_PATH = 1e-4  # residual of slacks below which a stalled iteration means a turn of the path
 
@@ -256,7 +257,7 @@ class CondensedRun:
         if self.path is None and measures.slack <= _SETTLED:
             interior.settle()
         if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
-            interior.sharpen()
+            interior.omega[problem.weights.size :] *= _SHARPENING  # where σ_N = 0 both factors fall like √τ only
         affordable = problem.system.last_digits and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
         interior.accurate = affordable and (interior.accurate or (measures.force > _INEXACT and measures.gap < _LATE))
 

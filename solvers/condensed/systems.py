@@ -236,8 +236,7 @@ class SparseCoordinates:
         self._qvi, self._linear = qvi, qvi.linear_system
         near = (NEAR_BONDED_PATH,)
         self.paths = near + MANY_POINTS_PATHS if qvi.m > _NEAR_BONDED_FIRST else MANY_POINTS_PATHS + near
-        diagonal = qvi.K.diagonal()
-        self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        self._scale: Vector = 1.0 / np.sqrt(qvi.stiffness.positive_diagonal)
         rows, E = qvi.contact.factor.rows, csr_array(qvi.contact.factor.interpolation)
         self._Y = csr_array(rows @ diags_array(self._scale))
         self._frictionless_points: IntVector = np.flatnonzero(qvi.frictionless)

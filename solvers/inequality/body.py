@@ -82,14 +82,15 @@ class Stiffness(PicklesFields):
 
     def check_diagonal(self, least: float) -> None:
         """`InputError` if a diagonal entry is below `least`; without equations all must be above 0."""
-        smallest = float(self.diagonal.min(initial=np.inf))
+        smallest = float(np.asarray(self.K.diagonal()).min(initial=np.inf))
         if smallest < least:
             raise InputError("K", smallest, "give a positive definite K; its diagonal is > 0")
 
     @cached_property
-    def diagonal(self) -> Vector:
-        """The diagonal of K (n,)."""
-        return np.asarray(self.K.diagonal())
+    def positive_diagonal(self) -> Vector:
+        """The diagonal of K (n,), 1 where it is zero: z_i √K_ii has the unit √energy for every unknown."""
+        diagonal = np.asarray(self.K.diagonal())
+        return np.where(diagonal > 0.0, diagonal, 1.0)
 
     @cached_property
     def by_columns(self) -> Sparse:

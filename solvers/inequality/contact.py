@@ -36,6 +36,7 @@ _POWER_STEPS = 10
 # Share of other waves in the first vector of the power iteration, which is uniform: if equilibrium fixes the uniform
 # traction, its relief is rounding alone.
 _WAVE_SHARE = 1e-8
+_FIXED = 1e-11  # change of a traction, over its terms, that is rounding
 _MOST_CORRECTIONS = 30
 _LEAST_CORRECTION = 1e-12  # size of a correction, over that of the first step, not worth computing
 
@@ -93,6 +94,21 @@ class ContactMatrices(PicklesFields):
     def equated(self) -> IntVector:
         """The columns in which rows of equations have an entry, sorted."""
         return columns_of(self.A)
+
+    @cached_property
+    def is_fixed(self) -> bool:
+        """Whether the equations alone determine all tractions; without rows or unknowns of the contact nothing varies.
+
+        A generic vector, less its projection on the rows of A, must not change any traction by more than rounding.
+        """
+        columns, (p, _) = self.equated, self.A.shape
+        if not p or len(self.touched) > len(columns):
+            return not columns_of(self.rows).size
+        A, rows, v = dense(self.A[:, columns]), self.rows[:, columns], generic_vector(len(columns))
+        lengths = np.linalg.norm(A, axis=1)
+        A = A / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+        moved = rows @ (v - np.linalg.lstsq(A, A @ v, rcond=None)[0])
+        return bool((np.abs(moved) <= _FIXED * (abs(rows) @ np.abs(v))).all())
 
     @cached_property
     def contacts(self) -> IntVector:
@@ -162,8 +178,6 @@ class CondensedContact:
     def contact_stiffness(self) -> float:
         """See `FrictionQVI.contact_stiffness`."""
         tractions, weights = self.contact.tractions
-        if not tractions.shape[0] or not tractions.shape[1]:
-            return 0.0
         # Y K⁻¹ Yᵀ W has the eigenvalues of √W Y K⁻¹ Yᵀ √W, and v √W in place of v.
         total, roots = float(weights.sum()), np.sqrt(weights)
         weighted: Any = scaled(roots, tractions)
@@ -218,14 +232,17 @@ class EqualitySystem:
 
         [S A_Γᵀ; A_Γ 0] (x_Γ, ν) = (r_Γ − K_ΓI K_II⁻¹ r_I, c),    S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ.
 
-    K is (n, n), positive definite on the null space of A; A is (p, n), p = 0 allowed. Rows of A may be linearly
-    dependent if they are consistent; ν then has the least norm. Γ, the interface of the given factorisation of K, must
-    hold all unknowns that rows of A touch.
+    K is (n, n), positive definite on the null space of A; A is (p, n), p = 0 allowed. Rows of A may have any units, and
+    be linearly dependent if they are consistent; ν then has the least norm for rows of length one. Γ, the interface of
+    the given factorisation of K, must hold all unknowns that rows of A touch.
     """
 
     def __init__(self, A: Columns, factor: Factorisation) -> None:
         self.factor, self.interface, self.schur = factor, factor.interface, factor.schur  # schur: S (k, k)
         self.A: Matrix = dense(self.on_interface(A))  # A_Γ
+        lengths = np.linalg.norm(self.A, axis=1)
+        self._lengths: Vector = np.where(lengths > 0.0, lengths, 1.0)
+        self._unit_rows: Matrix = self.A / self._lengths[:, None]
 
     def on_interface(self, rows: Columns) -> Rows:
         """The columns Γ (j, k) of rows (j, n)."""
@@ -266,12 +283,12 @@ class EqualitySystem:
         """[S Aᵀ; A 0] by Cholesky of S + ρ AᵀA, which changes neither x nor ν if ρ Aᵀc is added to the right-hand side.
 
         ρ, the Cholesky factor, relief = (S + ρ AᵀA)⁻¹ Aᵀ, and eigenvalues of A relief that are not zero, with vectors.
+        Rows of A have length one here, so that equations may have any units.
         """
-        S, A, rho = self.schur, self.A, 0.0
+        S, A, rho = self.schur, self._unit_rows, 0.0
         if len(A) and len(S):
-            square = A.T @ A
-            rho = float(np.trace(S) / (np.trace(square) or np.inf))  # 0 if all rows of A are zero
-            S = S + rho * square
+            rho = float(np.trace(S) or 1.0) / len(A)
+            S = S + rho * (A.T @ A)
         cholesky, info = dpotrf(S, lower=1, clean=0) if len(S) else (S, 0)
         if info:
             raise FactorisationError("singular", "lapack", "the Schur complement is not positive definite")
@@ -284,11 +301,13 @@ class EqualitySystem:
 
     def _solved(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
         """(x_Γ, ν), without iterative refinement."""
-        (rho, cholesky, relief, values, vectors), A = self._factors, self.A
+        (rho, cholesky, relief, values, vectors), A = self._factors, self._unit_rows
         if not len(A):  # LAPACK directly: the checks of SciPy's `cho_solve` take longer than a small solve
             return (np.asarray(dpotrs(cholesky, g, lower=1)[0]) if g.size else g), c
+        lengths = self._lengths if g.ndim == 1 else self._lengths[:, None]
+        c = c / lengths
         x = g + rho * A.T @ c
         x = np.asarray(dpotrs(cholesky, x, lower=1)[0]) if g.size else x
         weights = vectors.T @ (A @ x - c)
         nu = vectors @ (weights / (values if g.ndim == 1 else values[:, None]))
-        return x - relief @ nu, nu
+        return x - relief @ nu, nu / lengths

@@ -260,7 +260,7 @@ class FrictionQVI(PicklesFields):
         `ContactMatrices.tractions`. That is the stiffness for the shortest waves; times 2 min W / Σ W it is the
         stiffness for waves as long as the contact.
         """
-        return self.stiffness.condensed(self.contact).contact_stiffness if self.m and self.n else 0.0
+        return 0.0 if self.contact.is_fixed else self.stiffness.condensed(self.contact).contact_stiffness
 
     @property
     def bonded_state(self) -> BondedState:

@@ -18,7 +18,7 @@ from solvers import FrictionQVI, Stiffness, certify, solve_qvi
 from solvers.certificate import EXPONENTS, law_residuals, scales_at, uniqueness, uniqueness_bound
 from solvers.factorisation import factorise
 from tests.cases import examples
-from tests.solvers.conftest import Root, changed, one_contact, random_problem, two_contacts
+from tests.solvers.conftest import Root, changed, dragged_block, one_contact, random_problem, two_contacts
 
 
 @cache
@@ -119,6 +119,14 @@ def test_measures_do_not_depend_on_units(stress, length):
     other = certify(scaled, z, energy / stress * m_N, energy / stress * m_T).measures
     for name in EXPONENTS:
         assert other[name] == pytest.approx(plain[name], rel=1e-6, abs=1e-14), name
+
+
+@pytest.mark.parametrize("size", [1e-14, 1e14])
+def test_a_missed_equation_counts_in_any_unit(size):
+    qvi, units = dragged_block(0.2), np.diag([1.0, size])
+    state = np.array([1.0, 0.2 + 1e-6]), np.zeros(1), np.zeros(1), np.zeros(2)
+    found = certify(changed(qvi, A=units @ qvi.A, b=units @ qvi.b), *state).measures["equality"]
+    assert found == pytest.approx(certify(qvi, *state).measures["equality"], rel=1e-9)
 
 
 def peaked(share):

@@ -6,11 +6,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from solvers import FrictionQVI, Iteration, SolveError, Status, check_feasibility, solve_qvi
+from solvers import Iteration, SolveError, Status, check_feasibility, solve_qvi
 from solvers.certificate import is_farkas
 from solvers.fixed_point import CondensedForm, FullForm
 from solvers.inequality import Compliance
-from solvers.inner import Centre, make_inner
 from tests.solvers.conftest import dragged_block, mixed_problem, one_contact, prescribed_shear, random_problem
 
 INNER = "direct:clarabel"
@@ -220,20 +219,6 @@ def test_condensed_tractions_and_energy_are_those_of_the_unknowns():
     assert compliance.dense @ m == pytest.approx(compliance.bonded - qvi.tractions(z), abs=1e-10)
 
 
-def test_frictionless_rows_become_independent_equations():
-    qvi = partly_frictionless(2)
-    reduced = FullForm.of(qvi)
-    assert reduced.problem.p == 3  # four rows, two of them dependent
-    assert not reduced.problem.T[::2].toarray().any()
-    threshold = qvi.threshold(np.full(qvi.m, 0.4))
-    solver = make_inner("direct:clarabel", reduced.problem, 1e-12)
-    start = Centre(reduced.problem, reduced.problem.bonded)
-    result = reduced.expand(solver.solve(reduced.threshold(threshold), start, None))
-    residual = qvi.gradient(result.z) + qvi.N.T @ result.m_N + qvi.T.T @ result.m_T
-    assert np.abs(residual).max() < 1e-8  # with the multipliers of the original rows
-    assert np.abs(qvi.tangential(result.z)[::2]).max() < 1e-10
-
-
 @pytest.mark.parametrize(
     ("rule", "state"), [*product(["accumulating"], STATES), ("printed", "stick"), ("printed", "slip -")]
 )
@@ -290,16 +275,3 @@ def test_frictionless_cycles_unless_the_step_shrinks_and_a_long_history_is_thinn
     assert numbers[-1] == 4_005
     assert len(numbers) < 2100
     assert solution.history[-1].energy == pytest.approx(qvi.energy(solution.z))
-
-
-def test_uzawa_with_equations_and_with_more_points_than_a_dense_compliance_is_kept_for():
-    """Each point 280 times, with as small a share of its weight."""
-    qvi, times = random_problem(4, equalities=2), 280
-    rows = {name: np.repeat(getattr(qvi, name).toarray(), times, axis=0) for name in "NT"}
-    points = {name: np.repeat(getattr(qvi, name), times) for name in ("n0", "t0", "mu")}
-    many = FrictionQVI.from_arrays(
-        K=qvi.K, f=qvi.f, A=qvi.A, b=qvi.b, W=np.repeat(qvi.W, times) / times, **rows, **points
-    )
-    dense, sparse = (solve_qvi(each, method="uzawa", iterations=10) for each in (qvi, many))
-    assert sparse.z == pytest.approx(dense.z, abs=1e-10)
-    assert qvi.A @ dense.z == pytest.approx(qvi.b, abs=1e-10)

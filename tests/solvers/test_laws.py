@@ -97,6 +97,7 @@ def test_equations_are_substitutions(seed):
     one, other = solve_qvi(qvi, tolerance=1e-9), solve_qvi(smaller, tolerance=1e-9)
     assert one.status is other.status is Status.SOLVED
     assert one.z == pytest.approx(particular + Z @ other.z, abs=1e-7)
+    assert qvi.A @ solve_qvi(qvi, method="uzawa", iterations=10).z == pytest.approx(qvi.b, abs=1e-10)
 
 
 def used(qvi, solution):
@@ -184,6 +185,27 @@ class TestFeasibility:
         assert carried or is_farkas(qvi, *found.farkas)
         assert solve_qvi(qvi).status is (Status.SOLVED if carried else Status.INFEASIBLE)
 
+    @pytest.mark.parametrize("n", [0, 4])
+    def test_an_equation_without_unknowns(self, n):
+        """It proves that there is no solution, whatever other equations say."""
+        A, none = np.outer([0.0, 1.0, 0.7], np.sin(np.arange(n) + 1.0)), np.zeros((1, n))
+        data = {
+            "K": np.eye(n),
+            "f": np.ones(n),
+            "N": none,
+            "T": none,
+            "n0": [-1.0],
+            "t0": [0.0],
+            "mu": [0.3],
+            "W": [1.0],
+        }
+        for right in (-2.0, 0.0, 1.0):
+            qvi = FrictionQVI.from_arrays(**data, A=A, b=[right, 0.1 * bool(n), 0.07 * bool(n)])
+            found = check_feasibility(qvi)
+            assert found.feasible is (right == 0.0)
+            assert found.feasible or is_farkas(qvi, *found.farkas)
+            assert solve_qvi(qvi).status is (Status.INFEASIBLE if right else Status.SOLVED)
+
     @pytest.mark.parametrize("size", [1e-10, 1.0, 1e10])
     def test_a_contact_that_a_large_unknown_relieves(self, size):
         """Where the bonded state is zero, it says nothing about sizes: z = −1/size carries the pull of 1."""
@@ -224,6 +246,19 @@ def test_equations_may_fix_what_has_no_stiffness():
     rows = {"N": np.ones((1, 2)), "T": np.array([[1.0, -1.0]]), "A": np.array([[0.0, 1.0]]), "b": np.array([0.1])}
     data = {"f": np.array([0.2, 0.0]), "n0": [-1.0], "t0": [0.1], "mu": [0.3], "W": [1.0]}
     assert solve_qvi(FrictionQVI.from_arrays(K=np.diag([1.0, 0.0]), **rows, **data)).z == pytest.approx([0.2, 0.1])
+    assert solve_qvi(changed(dragged_block(0.2), K=np.zeros((2, 2)))).z == pytest.approx([1.0, 0.2])
+
+
+@pytest.mark.parametrize("method", [None, "condensed", "fixed-point"])
+@pytest.mark.parametrize("stress", [0.0, 1.0])
+def test_equations_may_fix_all_tractions(method, stress):
+    """The contact has no stiffness then; it is pressed by `stress`, and slips nowhere, or is touched up to rounding."""
+    for seed in range(8):
+        qvi, random = random_problem(seed, n=6, m=2), np.random.default_rng(100 + seed)
+        rows, z = qvi.contact.rows, random.normal(size=6)
+        A, shift = random.normal(size=(4, 4)) @ rows, stress * np.array([-1.0, -2.0, 0.3, -0.6]) - rows @ z
+        solution = solve_qvi(changed(qvi, A=A, b=A @ z, n0=shift[:2], t0=shift[2:]), method)
+        assert solution.status is Status.SOLVED, solution.message
 
 
 # That a load cannot be carried is proved by one linear program, before other starts and without Clarabel.

@@ -110,6 +110,12 @@ def test_stiff_bounds_leave_forces_in_balance(name):
     assert np.abs(left).max() <= 2e-14 * size
 
 
+def test_rounding_of_the_work_does_not_overflow_as_its_cube(monkeypatch):
+    _, method = posed(PROBLEMS["dense"]())
+    monkeypatch.setattr(method, "_work", lambda point, now=method.point: 1e-150 if point is now else 1.0)
+    assert 0.0 < method.iterate(method.residuals()) <= 1.0
+
+
 @pytest.mark.parametrize(("error", "solves"), [(0.0, 1), (1e-5, 3)])
 def test_newton_steps_are_refined_where_their_solution_is_inaccurate(error, solves):
     problem, method = posed(PROBLEMS["line"]())

@@ -16,7 +16,7 @@ from scipy.sparse import csc_array, csc_matrix, csr_array
 from solvers import FrictionQVI, InputError, SolverUnavailableError, Status, certify, solve_qvi
 from solvers.basics import real_array
 from tests.cases import examples, refusal, refused_at
-from tests.solvers.conftest import one_contact, random_problem
+from tests.solvers.conftest import changed, one_contact, random_problem
 
 
 def data(**changes: Any) -> dict[str, Any]:
@@ -102,13 +102,13 @@ def test_contacts_hang_together_through_unknowns():
     assert qvi.contact.contacts.tolist() == [0, 1, 0, 3]
 
 
-def test_bonded_solution_with_dependent_equalities():
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
+def test_equations_may_have_any_unit_repeat_each_other_and_say_nothing(size):
     qvi = random_problem(3, equalities=2)
-    doubled = FrictionQVI.from_arrays(
-        K=qvi.K, f=qvi.f, N=qvi.N, n0=qvi.n0, T=qvi.T, t0=qvi.t0, mu=qvi.mu, W=qvi.W,
-        A=np.vstack([qvi.A.toarray(), qvi.A.toarray()]), b=np.concatenate([qvi.b, qvi.b]),
-    )  # fmt: skip
-    assert doubled.bonded == pytest.approx(qvi.bonded, rel=1e-9)
+    factors = np.array([[1.0, 0.0], [0.0, size], [size, 0.0], [0.0, 0.0]])
+    assert changed(qvi, A=factors @ qvi.A, b=factors @ qvi.b).bonded == pytest.approx(qvi.bonded, rel=1e-9)
+    free, nothing = random_problem(3), {"A": np.zeros((2, qvi.n)), "b": np.zeros(2)}
+    assert changed(free, **nothing).bonded == pytest.approx(free.bonded, rel=1e-12)
 
 
 @pytest.mark.parametrize(
