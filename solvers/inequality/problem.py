@@ -35,20 +35,19 @@ class Law(PicklesFields):
     """(m,) bool, optional; nowhere when not given."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mu", checked_vector("mu", self.mu))
-        m = len(self.mu) if self.mu.ndim else 0
-        for name, missing in (("cohesion", 0.0), ("cap", np.inf)):
-            value = np.full(m, missing) if getattr(self, name) is None else getattr(self, name)
-            object.__setattr__(self, name, checked_vector(name, value, infinite=name == "cap"))
-        flags = np.zeros(m, dtype=np.bool_) if self.bilateral is None else np.array(self.bilateral)
+        for name, quantity in (("mu", "friction coefficients"), ("cohesion", "stresses"), ("cap", "stresses")):
+            value = getattr(self, name)
+            if value is None and name != "mu":
+                value = np.full_like(self.mu, 0.0 if name == "cohesion" else np.inf)
+            vector = checked_vector(name, value, infinite=name == "cap")
+            if (least := float(vector.min(initial=0.0))) < 0:
+                raise InputError(name, least, f"give {quantity} ≥ 0")
+            object.__setattr__(self, name, vector)
+        flags = np.zeros(self.mu.shape, dtype=np.bool_) if self.bilateral is None else np.array(self.bilateral)
         if flags.dtype != np.bool_:
             raise InputError("bilateral", flags.dtype, "give a boolean for each contact point")
         flags.setflags(write=False)
         object.__setattr__(self, "bilateral", flags)
-        for name, quantity in (("mu", "friction coefficients"), ("cohesion", "stresses"), ("cap", "stresses")):
-            least = float(getattr(self, name).min(initial=0.0))
-            if least < 0:
-                raise InputError(name, least, f"give {quantity} ≥ 0")
 
     def pressed(self, normal: Vector) -> Vector:
         """Pressure s (m,) of normal tractions (m,): max(−σ_N, 0), at bilateral points |σ_N|."""
