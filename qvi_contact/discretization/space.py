@@ -272,7 +272,7 @@ class StressSpace(PicklesFields):
             known[edges] = self.traces(boundary).take(self.mesh.topology.outer.searchsorted(edges.number))
         if edges in known:
             return known[edges]
-        columns, resultants = self._resultants(edges)
+        columns, resultants, size = self.resultants(edges)
         (m, factor), h, count = frame(edges), self.lengths(edges)[:, None], self.degree - 1
         # N₀ and Q₀ from ∇Φ_b − ∇Φ_a = h (N₀ t + Q₀ m), −N₁/6 from the moment, see `supports`
         N0, Q0 = ((vectors[:, :, None] * resultants[:, :2]).sum(axis=1) / h for vectors in (edges.tangent, m))
@@ -283,7 +283,7 @@ class StressSpace(PicklesFields):
         if edges.curved:  # see `curved`
             values[edges.bent] = from_corners(edges.bend[edges.bent], self.degree - 2) @ resultants[edges.bent]
         values[:, count:] *= factor[:, None, None]
-        known[edges] = self._scaled(edges, columns, values)
+        known[edges] = Functionals(columns, values, size)
         return known[edges]
 
     @cached_property
@@ -292,13 +292,20 @@ class StressSpace(PicklesFields):
 
     def resultants(self, edges: Edges) -> Functionals:
         """∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_2 …, Q_1 …: 2p − 2 rows an edge, all that tractions fix."""
-        return self._scaled(edges, *self._resultants(edges))
+        if (edges.cells[:, 1] >= 0).any():
+            return self._resultants(edges)
+        return self._on_boundary.take(self.mesh.topology.outer.searchsorted(edges.number))
 
-    def _resultants(self, edges: Edges) -> tuple[IntArray, FloatArray]:
-        """`resultants` of unscaled Φ, ∇Φ, N_k, Q_k (not over `units`): columns (n, l) and values (n, 2p − 2, l).
+    @cached_property
+    def _on_boundary(self) -> Functionals:
+        """The `resultants` of the whole boundary."""
+        return self._resultants(self.mesh.boundary)
 
-        The columns are six at the ends, N_2 … N_(p−2), Q_1 … Q_(p−2). Odd coefficients change their sign where the
-        tangent runs from the larger vertex number to the smaller.
+    def _resultants(self, edges: Edges) -> Functionals:
+        """`resultants`, made anew, with columns for the frames where there are any.
+
+        The other columns are six at the ends, N_2 … N_(p−2), Q_1 … Q_(p−2). Odd coefficients change their sign where
+        the tangent runs from the larger vertex number to the smaller.
         """
         ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
         on_edge = edges.number[:, None] * self.element.on_edge + np.arange(self.element.on_edge)
@@ -310,10 +317,6 @@ class StressSpace(PicklesFields):
         place, sign = np.arange(6, columns.shape[1]), np.where(edges.first < edges.second, 1.0, -1.0)
         power = np.concatenate([np.arange(2, self.degree - 1), np.arange(1, self.degree - 1)])
         values[:, place - 3, place] = sign[:, None] ** power
-        return columns, values
-
-    def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> Functionals:
-        """Functionals of the degrees of freedom from those of unscaled Φ, ∇Φ, N_k, Q_k, with the frames' part."""
         frames, on_dofs = self.frames, values * self.units[columns][:, None]
         if not len(frames.origins):
             return Functionals(columns, on_dofs, self.size)
