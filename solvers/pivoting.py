@@ -228,7 +228,8 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
     if active is not None and active.any():
         return _from_active(M, q, d, active)
     x, basic = np.zeros(n), np.zeros(n, dtype=bool)
-    if _is_end(q):
+    size = max(1.0, largest(q))
+    if q.min(initial=0.0) >= -_ROUNDING * size:
         return Vertex(x, basic, 0)
     # basic + table @ non-basic = values, the last column. Variables: w 0 to n − 1, x n to 2n − 1, θ 2n.
     table: Matrix = np.empty((n, n + 2), order="F")
@@ -257,7 +258,7 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
             next_row = _leaving_row(table[:, column[entering]], table[:, -1], basis)
         if next_row is None:  # θ has left the basis, or a ray begins, which is a solution if θ is rounding
             rows = (basis >= n).nonzero()[0]
-            is_solution = leaving == 2 * n or table[basis == 2 * n, -1].max() <= _LEAST_THETA * max(1.0, largest(q))
+            is_solution = leaving == 2 * n or table[basis == 2 * n, -1].max() <= _LEAST_THETA * size
             rows = rows[basis[rows] < 2 * n]
             x[basis[rows] - n] = np.maximum(table[rows, -1], 0.0)
             basic[basis[rows] - n] = True
@@ -276,7 +277,7 @@ def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector) -> Vertex:
     values = q.copy()
     values[inside] = -dgetrs(lower_upper, pivots, q[inside])[0]
     values[outside] += columns[outside] @ values[inside]
-    if _is_end(values):
+    if values.min() >= -_ROUNDING * max(1.0, largest(values)):  # the path ends where it begins, see `solve_lcp`
         return Vertex(np.where(active, np.maximum(values, 0.0), 0.0), active, 0)
     inverse = dgetri(lower_upper, pivots)[0]
     rows = inverse @ M[inside]
@@ -286,11 +287,6 @@ def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector) -> Vertex:
     vertex = solve_lcp(exchanged, values, d)
     x = np.where(active, np.maximum(values + exchanged @ vertex.x, 0.0), vertex.x)
     return Vertex(x, vertex.basic ^ active, vertex.pivots, vertex.reason)
-
-
-def _is_end(q: Vector) -> bool:
-    """Whether no value is negative, by more than rounding: x = 0 is the solution."""
-    return bool(q.min(initial=0.0) >= -_ROUNDING * max(1.0, largest(q)))
 
 
 def _leaving_row(column: Vector, values: Vector, basis: IntVector) -> int | None:

@@ -320,8 +320,8 @@ class StressSpace(PicklesFields):
         frames, on_dofs = self.frames, values * self.units[columns][:, None]
         if not len(frames.origins):
             return Functionals(columns, on_dofs, self.size)
-        for first, ends in ((0, edges.first), (3, edges.second)):
-            on_dofs[:, :, first : first + 3] *= ~frames.is_centre[ends, None, None]
+        for first, at in ((0, edges.first), (3, edges.second)):
+            on_dofs[:, :, first : first + 3] *= ~frames.is_centre[at, None, None]
         frame_dofs, on_frames = frames.on_edges(edges, values[:, :, 3:6])
         on_frames = on_frames * self.units[frame_dofs][:, None]
         return Functionals(np.hstack([columns, frame_dofs]), np.concatenate([on_dofs, on_frames], axis=2), self.size)

@@ -360,16 +360,14 @@ def certify(
         "tangential_multiplier": (tangential_multiplier, qvi.m),
         "equality_multiplier": (equality_multiplier, qvi.p),
     }
-    vectors = list[Vector]()
-    for name, (value, size) in arguments.items():
-        if value is not None:
-            vectors.append(real_array(name, value))
-            if vectors[-1].shape != (size,):
-                raise InputError(name, f"shape {vectors[-1].shape}", f"give shape ({size},)")
-    if len(vectors) < len(arguments) or not np.isfinite(np.concatenate(vectors)).all():
+    vectors = {name: real_array(name, value) for name, (value, _) in arguments.items() if value is not None}
+    for name, vector in vectors.items():
+        if vector.shape != (arguments[name][1],):
+            raise InputError(name, f"shape {vector.shape}", f"give shape ({arguments[name][1]},)")
+    if len(vectors) < len(arguments) or not np.isfinite(np.concatenate([*vectors.values()])).all():
         return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
     with np.errstate(over="ignore", invalid="ignore"):
-        measures, scales, signed = _measure(qvi, *vectors)
+        measures, scales, signed = _measure(qvi, *vectors.values())
     finite = {name: value if isfinite(value) else np.inf for name, value in measures.items()}
     return Certificate(finite, tolerance, scales, {name: v for name, v in signed.items() if isfinite(v)})
 

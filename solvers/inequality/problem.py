@@ -298,16 +298,12 @@ class Compliance:
         self._condensed = qvi.condensed_contact
         self.dense = self._condensed.compliance
 
-    def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
-        """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,)."""
+    def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+        """The state (z, m_N, m_T, ν) that minimises the energy under the multipliers m (2m,)."""
         qvi, condensed, (z, nu, _) = self.qvi, self._condensed, self.qvi.bonded_state.corrected
         forces, interface_forces = qvi.contact.rows.T @ m, transposed(condensed.interface_rows) @ m
         values, dnu = condensed.system.solve_interface(-interface_forces)
         dz = condensed.system.factor.expand(np.zeros(qvi.n), values)
         size = float(np.sqrt(abs(dz @ forces)))
-        return condensed.corrected(lambda z: qvi.gradient(z) + forces, qvi.b, z + dz, nu + dnu, size)[:2]
-
-    def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
-        """The state (z, m_N, m_T, ν) for the multipliers m (2m,), see `unknowns`."""
-        z, nu = self.unknowns(m)
-        return z, m[: self.qvi.m], m[self.qvi.m :], nu
+        z, nu, _ = condensed.corrected(lambda z: qvi.gradient(z) + forces, qvi.b, z + dz, nu + dnu, size)
+        return z, m[: qvi.m], m[qvi.m :], nu
