@@ -138,7 +138,7 @@ class CondensedForm:
 
     def expand(self, inner: InnerSolution) -> InnerSolution:
         """The result in the original unknowns: z and ν from the multipliers."""
-        z, nu = self._compliance.unknowns(np.concatenate([inner.m_N, inner.m_T]))
+        z, _, _, nu = self._compliance.state(np.concatenate([inner.m_N, inner.m_T]))
         return self._full.expand(replace(inner, z=z, nu=nu))
 
 

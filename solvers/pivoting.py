@@ -34,7 +34,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from scipy.linalg import lstsq
 from scipy.linalg.blas import dger
-from scipy.linalg.lapack import dgetrf, dgetri
+from scipy.linalg.lapack import dgetrf, dgetri, dgetrs
 
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
@@ -269,10 +269,13 @@ def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector) -> Vertex:
     lower_upper, pivots, singular = dgetrf(columns[inside])
     if singular:
         return Vertex(np.zeros(len(q)), active, 0, Status.STALLED)
-    inverse = dgetri(lower_upper, pivots)[0]
-    rows, values = inverse @ M[inside], q.copy()
-    values[inside] = -inverse @ q[inside]
+    values = q.copy()
+    values[inside] = -dgetrs(lower_upper, pivots, q[inside])[0]
     values[outside] += columns[outside] @ values[inside]
+    if values.min() >= -_ROUNDING * max(1.0, largest(values)):  # the path ends where it begins, see `solve_lcp`
+        return Vertex(np.where(active, np.maximum(values, 0.0), 0.0), active, 0)
+    inverse = dgetri(lower_upper, pivots)[0]
+    rows = inverse @ M[inside]
     exchanged = M - columns @ rows
     exchanged[inside], exchanged[:, inside] = -rows, columns @ inverse
     exchanged[inside[:, None], inside] = inverse

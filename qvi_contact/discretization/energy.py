@@ -267,7 +267,7 @@ class BodyStiffness(PicklesFields):
 class Root(PicklesFields):
     """The affine map r(z) = R z + r₀ whose ½|r|² is the energy, free of the cancellation in ½ zᵀK z.
 
-    Its entries are U w + U⁻ᵀs of all triangles, then √(2 rest) of each, then S u + s of the springs.
+    Its entries are U w + U⁻ᵀs of all triangles, then S u + s of the springs, then √(2 rest) of triangles with loads.
     """
 
     stiffness: BodyStiffness
@@ -276,16 +276,16 @@ class Root(PicklesFields):
     springs: FloatArray | float = 0.0  # (r,): s of the springs, from body forces and fluids
 
     def apply(self, z: FloatArray) -> FloatArray:
-        """r(z), shape (n (k + 1) + springs,)."""
-        stiffness, of_springs = self.stiffness, []
+        """r(z), shape (n k + springs + n,), without the last n entries if there is no `body`."""
+        stiffness, body = self.stiffness, self.body
         u = stiffness.supports.basis.expanded(z) + self.particular
-        w = stiffness.supports.space.differences.apply(u)
-        r = (stiffness.roots @ w[:, :, None])[:, :, 0]
+        r = (stiffness.roots @ stiffness.supports.space.differences.apply(u)[:, :, None])[:, :, 0]
+        parts = [(r if body is None else r + body.constants).ravel()]
         if stiffness.springs is not None:
-            of_springs = [stiffness.springs.rows @ u + self.springs]
-        if self.body is None:
-            return np.concatenate([r.ravel(), np.zeros(len(r)), *of_springs])
-        return np.concatenate([(r + self.body.constants).ravel(), np.sqrt(2.0 * self.body.rests), *of_springs])
+            parts.append(stiffness.springs.rows @ u + self.springs)
+        if body is not None:
+            parts.append(np.sqrt(2.0 * body.rests))
+        return np.concatenate(parts)
 
     def adjoint(self, r: FloatArray) -> FloatArray:
         """Rᵀ r, shape (unknowns,)."""
@@ -294,7 +294,8 @@ class Root(PicklesFields):
         w = (r[: count * k].reshape(count, 1, k) @ stiffness.roots)[:, 0]
         on_dofs = stiffness.supports.space.differences.adjoint(w)
         if stiffness.springs is not None:
-            on_dofs = on_dofs + stiffness.springs.rows.T @ r[count * (k + 1) :]
+            rows = stiffness.springs.rows
+            on_dofs = on_dofs + rows.T @ r[count * k :][: rows.shape[0]]
         return stiffness.supports.basis.reduced(on_dofs)
 
     def rounding(self, z: FloatArray) -> float:

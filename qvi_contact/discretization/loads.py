@@ -241,13 +241,13 @@ def contact_rows(
         edges = problem.mesh.edges(contact.edges)
         key = space, rule.count, edges.number.tobytes()
         points = problem.mesh.kept(EdgePoints, key, partial(EdgePoints, space, edges, rule.count))
-        stop = start if contact.law == "tied" else start + len(points.weights)
-        x, y = physical(problem, scales, points.coordinates)
-        motion = np.zeros((2, len(x)))
+        m = len(points.weights)
+        stop, motion = start if contact.law == "tied" else start + m, np.zeros((2, m))
         if contact.plate is not None:
+            x, y = physical(problem, scales, points.coordinates)
             displacement = contact.plate.displacement(x, y).T / scales.displacement
             motion = np.stack([(displacement * axis).sum(axis=1) for axis in (points.normals, points.tangents)])
-        pressure, misfit = np.zeros(len(x)), 0.0
+        pressure, misfit = np.zeros(m), 0.0
         if contact.has_fluid:
             given = ("Contact.pore_pressure", contact.pore_pressure, max(LOAD_POINTS, points.count + 2))
             fluid = along_edges(problem.mesh, points.edges, *given, minimum=0.0)
@@ -257,9 +257,9 @@ def contact_rows(
         for name in ("gap", "offset"):
             field: Field = getattr(contact, name)
             if not callable(field):
-                values = np.full(len(x), float(field))
+                values = np.full(m, float(field))
             elif rule.law_on == "points":
-                values = evaluate(f"Contact.{name}", field, x, y)
+                values = evaluate(f"Contact.{name}", field, *physical(problem, scales, points.coordinates))
             else:
                 given = (f"Contact.{name}", field, max(LOAD_POINTS, points.count + 2))
                 values = points.nearest(along_edges(problem.mesh, points.edges, *given))
@@ -269,7 +269,7 @@ def contact_rows(
         contacts.append(ContactRows(
             contact.name, contact.law, contact in problem.joints, slice(start, stop), rule, points,
             *limits_of(problem, contact, scales, rule, points), gap, offset, pressure / scales.stress,
-            misfit / scales.stress, motion, beyond, np.zeros(len(x)) if slip is None else slip[number],
+            misfit / scales.stress, motion, beyond, np.zeros(m) if slip is None else slip[number],
         ))  # fmt: skip
         start = stop
     return tuple(contacts)

@@ -135,51 +135,46 @@ class Differences:
     Rows of energies act on w, which is computed first: so large numbers cancel in the subtraction only.
     """
 
-    corners: Functionals  # (n, 6, 9): the differences of Φ, Φ_x, Φ_y in the second and third corner
     dofs: IntArray  # (n, k + 3): the degrees of freedom of the corners, then those on edges, which are no differences
-    units: FloatArray  # (n, k − 6): N_k or Q_k for one unit of these
+    units: FloatArray  # (n, k + 3): Φ, Φ_x, Φ_y, N_k or Q_k for one unit of these; 0 where `beyond` has all of it
+    sides: FloatArray  # (n, 2, 2): x_k − x₀ of the second and third corner
+    size: int  # number N of all degrees of freedom
     # (6 n, N) sparse: what other frames add in corners that count from other frames than the first; None for nothing
     beyond: sparse.csr_array | None
 
     def apply(self, u: FloatArray) -> FloatArray:
         """The differences w (n, k) of degrees of freedom u (N,)."""
-        values, (own, first, slopes) = u[self.dofs], self._factors
+        values = self.units * u[self.dofs]
         # Φ_k − Φ₀ and ∇Φ_k − ∇Φ₀ first: nearly equal numbers cancel without rounding; then − (x_k − x₀)·∇Φ₀
-        corners = own * values[:, 3:9].reshape(-1, 2, 3) + first * values[:, None, :3]
-        corners[:, :, :1] += slopes @ values[:, 1:3, None]
-        corners = corners.reshape(-1, _CORNERS)
+        values[:, 3:6] -= values[:, :3]
+        values[:, 6:9] -= values[:, :3]
+        values[:, 3:9:3] -= (self.sides @ values[:, 1:3, None])[:, :, 0]
+        w = values[:, 3:]
         if self.beyond is not None:
-            corners += (self.beyond @ u).reshape(corners.shape)
-        return np.concatenate([corners, self.units * values[:, 9:]], axis=1)
-
-    @cached_property
-    def _factors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Factors in the differences of corners 1, 2: of own and first values (n, 2, 3), of ∇Φ₀ in Φ (n, 2, 2)."""
-        table, k = self.corners.values, np.arange(_CORNERS)
-        own, first = (table[:, k, at].reshape(-1, 2, 3) for at in (3 + k, k % 3))
-        return own, first, np.ascontiguousarray(table[:, ::3, 1:3])
+            w[:, :_CORNERS] += (self.beyond @ u).reshape(-1, _CORNERS)
+        return w
 
     def magnitudes(self, sizes: FloatArray) -> FloatArray:
         """`apply` with + for every −: bounds (n, k) of the numbers subtracted in w, from |u| (N,)."""
-        corners = self.corners._replace(values=np.abs(self.corners.values))
-        beyond = None if self.beyond is None else abs(self.beyond)
-        return replace(self, corners=corners, beyond=beyond).apply(sizes)
+        units, beyond = self.units.copy(), None if self.beyond is None else abs(self.beyond)
+        units[:, :3] *= -1.0
+        return replace(self, units=units, sides=np.abs(self.sides), beyond=beyond).apply(sizes)
 
     def adjoint(self, w: FloatArray) -> FloatArray:
         """The transposed map from w (n, k) to degrees of freedom (N,)."""
-        at_corners = (w[:, None, :_CORNERS] @ self.corners.values)[:, 0]
-        on_dofs = np.concatenate([at_corners, self.units * w[:, _CORNERS:]], axis=1)
-        total = np.bincount(self.dofs.ravel(), on_dofs.ravel(), self.corners.size).astype(np.float64, copy=False)
+        on_dofs = self.expanded(w[:, None])
+        total = np.bincount(self.dofs.ravel(), on_dofs.ravel(), self.size).astype(np.float64, copy=False)
         return total if self.beyond is None else total + self.beyond.T @ w[:, :_CORNERS].ravel()
 
     def expanded(self, rows: FloatArray) -> FloatArray:
-        """Rows on w (n, r, k) as rows on each triangle's degrees of freedom (n, r, shared), without `beyond`."""
-        on_corners = rows[:, :, :_CORNERS] @ self.corners.values
-        return np.concatenate([on_corners, rows[:, :, _CORNERS:] * self.units[:, None]], axis=2)
+        """Rows on w (n, r, k) as rows on each triangle's degrees of freedom (n, r, k + 3), without `beyond`."""
+        on_first = -(rows[:, :, :3] + rows[:, :, 3:6])
+        on_first[:, :, 1:] -= rows[:, :, :6:3] @ self.sides
+        return np.concatenate([on_first, rows], axis=2) * self.units[:, None]
 
     def all_rows(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> sparse.csr_array:
         """Rows on w (n, r, k), of t of the triangles, as a matrix on u (t r, N)."""
-        matrix = Functionals(self.dofs[triangles], self.expanded(rows)[triangles], self.corners.size).matrix()
+        matrix = Functionals(self.dofs[triangles], self.expanded(rows)[triangles], self.size).matrix()
         if self.beyond is None:
             return matrix
         places = np.arange(_CORNERS * len(self.dofs)).reshape(-1, _CORNERS)
@@ -234,14 +229,11 @@ class StressSpace(PicklesFields):
     @cached_property
     def differences(self) -> Differences:
         """The map to w: Φ_k − Φ₀ − (x_k − x₀)·∇Φ₀ and ∇Φ_k − ∇Φ₀ in corners k = 1, 2, and N_k, Q_k on edges."""
-        corners, frames, units, each = self.triangles.corners, self.frames, self.units[self.dofs], np.arange(_CORNERS)
-        if len(frames.centres):
-            units[:, :9] *= np.repeat(~frames.is_centre[self.mesh.cells], 3, axis=1)
-        values: FloatArray = np.zeros((len(corners), _CORNERS, 9))
-        values[:, each, 3 + each], values[:, each, each % 3] = 1.0, -1.0
-        values[:, ::3, 1:3] = corners[:, :1] - corners[:, 1:]
-        in_corners = Functionals(self.dofs[:, :9], values * units[:, None, :9], self.size)
-        return Differences(in_corners, self.dofs, units[:, 9:], frames.beyond(self.units))
+        corners, units = self.triangles.corners, self.units[self.dofs]
+        if len(self.frames.centres):
+            units[:, :9] *= np.repeat(~self.frames.is_centre[self.mesh.cells], 3, axis=1)
+        sides = corners[:, 1:] - corners[:, :1]
+        return Differences(self.dofs, units, sides, self.size, self.frames.beyond(self.units))
 
     @cached_property
     def frames(self) -> Frames:
@@ -280,7 +272,7 @@ class StressSpace(PicklesFields):
             known[edges] = self.traces(boundary).take(self.mesh.topology.outer.searchsorted(edges.number))
         if edges in known:
             return known[edges]
-        columns, resultants = self._resultants(edges)
+        columns, resultants, size = self.resultants(edges)
         (m, factor), h, count = frame(edges), self.lengths(edges)[:, None], self.degree - 1
         # N₀ and Q₀ from ∇Φ_b − ∇Φ_a = h (N₀ t + Q₀ m), −N₁/6 from the moment, see `supports`
         N0, Q0 = ((vectors[:, :, None] * resultants[:, :2]).sum(axis=1) / h for vectors in (edges.tangent, m))
@@ -291,7 +283,7 @@ class StressSpace(PicklesFields):
         if edges.curved:  # see `curved`
             values[edges.bent] = from_corners(edges.bend[edges.bent], self.degree - 2) @ resultants[edges.bent]
         values[:, count:] *= factor[:, None, None]
-        known[edges] = self._scaled(edges, columns, values)
+        known[edges] = Functionals(columns, values, size)
         return known[edges]
 
     @cached_property
@@ -300,13 +292,20 @@ class StressSpace(PicklesFields):
 
     def resultants(self, edges: Edges) -> Functionals:
         """∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_2 …, Q_1 …: 2p − 2 rows an edge, all that tractions fix."""
-        return self._scaled(edges, *self._resultants(edges))
+        if (edges.cells[:, 1] >= 0).any():
+            return self._resultants(edges)
+        return self._on_boundary.take(self.mesh.topology.outer.searchsorted(edges.number))
 
-    def _resultants(self, edges: Edges) -> tuple[IntArray, FloatArray]:
-        """`resultants` of unscaled Φ, ∇Φ, N_k, Q_k (not over `units`): columns (n, l) and values (n, 2p − 2, l).
+    @cached_property
+    def _on_boundary(self) -> Functionals:
+        """The `resultants` of the whole boundary."""
+        return self._resultants(self.mesh.boundary)
 
-        The columns are six at the ends, N_2 … N_(p−2), Q_1 … Q_(p−2). Odd coefficients change their sign where the
-        tangent runs from the larger vertex number to the smaller.
+    def _resultants(self, edges: Edges) -> Functionals:
+        """`resultants`, made anew, with columns for the frames where there are any.
+
+        The other columns are six at the ends, N_2 … N_(p−2), Q_1 … Q_(p−2). Odd coefficients change their sign where
+        the tangent runs from the larger vertex number to the smaller.
         """
         ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
         on_edge = edges.number[:, None] * self.element.on_edge + np.arange(self.element.on_edge)
@@ -318,15 +317,11 @@ class StressSpace(PicklesFields):
         place, sign = np.arange(6, columns.shape[1]), np.where(edges.first < edges.second, 1.0, -1.0)
         power = np.concatenate([np.arange(2, self.degree - 1), np.arange(1, self.degree - 1)])
         values[:, place - 3, place] = sign[:, None] ** power
-        return columns, values
-
-    def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> Functionals:
-        """Functionals of the degrees of freedom from those of unscaled Φ, ∇Φ, N_k, Q_k, with the frames' part."""
         frames, on_dofs = self.frames, values * self.units[columns][:, None]
         if not len(frames.origins):
             return Functionals(columns, on_dofs, self.size)
-        for first, ends in ((0, edges.first), (3, edges.second)):
-            on_dofs[:, :, first : first + 3] *= ~frames.is_centre[ends, None, None]
+        for first, at in ((0, edges.first), (3, edges.second)):
+            on_dofs[:, :, first : first + 3] *= ~frames.is_centre[at, None, None]
         frame_dofs, on_frames = frames.on_edges(edges, values[:, :, 3:6])
         on_frames = on_frames * self.units[frame_dofs][:, None]
         return Functionals(np.hstack([columns, frame_dofs]), np.concatenate([on_dofs, on_frames], axis=2), self.size)

@@ -311,16 +311,15 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
     if not len(steps):
         raise InputError("problems", problems, remedy)
     first, law_varies, all_scales = steps[0], False, list[Scales]()
+    contacts = list[tuple[str, str, bytes]]()  # must be the same, as slip is passed on point by point
     for number in range(len(steps)):
         problem = steps[number]
         instance_of(ContactProblem, f"problems[{number}]", problem, "give a ContactProblem for each load step")
         if not problem.mesh.same_as(first.mesh):
             raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
-        contacts = [  # must be the same, as slip is passed on point by point
-            [(each.name, each.law, one.mesh.numbers(each.edges).tobytes()) for each in one.contacts]
-            for one in (first, problem)
-        ]
-        if contacts[0] != contacts[1]:
+        found = [(each.name, each.law, problem.mesh.numbers(each.edges).tobytes()) for each in problem.contacts]
+        contacts = contacts if number else found
+        if found != contacts:
             names = [contact.name for contact in problem.contacts]
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
         all_scales.append(Scales.of(problem))

@@ -1,6 +1,7 @@
 """Checks of arguments: numbers, arrays of real numbers, words, mappings, functions. All raise `InputError`."""
 
 from collections.abc import Mapping, Sequence
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ def finite_number(field: str, value: object) -> float:
     try:
         number = float(value)
     except OverflowError:
-        number = np.inf
-    if not np.isfinite(number):
+        number = inf
+    if not isfinite(number):
         raise InputError(field, value, "give a finite number")
     return number
 

@@ -174,6 +174,8 @@ class Log:
 
     def line(self, *values: object) -> None:
         """Write a line of the table, with a value for each column; None leaves a column empty."""
+        if not self._shown and not LOGGER.isEnabledFor(logging.DEBUG):
+            return
         cells = [
             " " * int(_aligned(form)[1:]) if value is None else f"{value:{form}}"
             for value, form in zip(values, self._columns.values(), strict=True)

@@ -225,11 +225,9 @@ class BondedState:
         """The unknowns (n,), ν (p,) and the size of the last defect correction, see `CondensedContact.corrected`."""
         (z, nu, _, gradient), loads = self._first, self._loads
         size = float(np.sqrt(abs(z @ loads.f - loads.b @ nu)))
-
-        def gradient_at(point: Vector) -> Vector:
-            return gradient if point is z else loads.state(self._K, point)[1]
-
-        return self.condensed.corrected(gradient_at, loads.b, z, nu, size)
+        return self.condensed.corrected(
+            lambda point: gradient if point is z else loads.state(self._K, point)[1], loads.b, z, nu, size
+        )
 
     @cached_property
     def strain_energy(self) -> float:

@@ -35,20 +35,19 @@ class Law(PicklesFields):
     """(m,) bool, optional; nowhere when not given."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mu", checked_vector("mu", self.mu))
-        m = len(self.mu) if self.mu.ndim else 0
-        for name, missing in (("cohesion", 0.0), ("cap", np.inf)):
-            value = np.full(m, missing) if getattr(self, name) is None else getattr(self, name)
-            object.__setattr__(self, name, checked_vector(name, value, infinite=name == "cap"))
-        flags = np.zeros(m, dtype=np.bool_) if self.bilateral is None else np.array(self.bilateral)
+        for name, quantity in (("mu", "friction coefficients"), ("cohesion", "stresses"), ("cap", "stresses")):
+            value = getattr(self, name)
+            if value is None and name != "mu":
+                value = np.full_like(self.mu, 0.0 if name == "cohesion" else np.inf)
+            vector = checked_vector(name, value, infinite=name == "cap")
+            if (least := float(vector.min(initial=0.0))) < 0:
+                raise InputError(name, least, f"give {quantity} ≥ 0")
+            object.__setattr__(self, name, vector)
+        flags = np.zeros(self.mu.shape, dtype=np.bool_) if self.bilateral is None else np.array(self.bilateral)
         if flags.dtype != np.bool_:
             raise InputError("bilateral", flags.dtype, "give a boolean for each contact point")
         flags.setflags(write=False)
         object.__setattr__(self, "bilateral", flags)
-        for name, quantity in (("mu", "friction coefficients"), ("cohesion", "stresses"), ("cap", "stresses")):
-            least = float(getattr(self, name).min(initial=0.0))
-            if least < 0:
-                raise InputError(name, least, f"give {quantity} ≥ 0")
 
     def pressed(self, normal: Vector) -> Vector:
         """Pressure s (m,) of normal tractions (m,): max(−σ_N, 0), at bilateral points |σ_N|."""
@@ -299,16 +298,12 @@ class Compliance:
         self._condensed = qvi.condensed_contact
         self.dense = self._condensed.compliance
 
-    def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
-        """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,)."""
+    def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+        """The state (z, m_N, m_T, ν) that minimises the energy under the multipliers m (2m,)."""
         qvi, condensed, (z, nu, _) = self.qvi, self._condensed, self.qvi.bonded_state.corrected
         forces, interface_forces = qvi.contact.rows.T @ m, transposed(condensed.interface_rows) @ m
         values, dnu = condensed.system.solve_interface(-interface_forces)
         dz = condensed.system.factor.expand(np.zeros(qvi.n), values)
         size = float(np.sqrt(abs(dz @ forces)))
-        return condensed.corrected(lambda z: qvi.gradient(z) + forces, qvi.b, z + dz, nu + dnu, size)[:2]
-
-    def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
-        """The state (z, m_N, m_T, ν) for the multipliers m (2m,), see `unknowns`."""
-        z, nu = self.unknowns(m)
-        return z, m[: self.qvi.m], m[self.qvi.m :], nu
+        z, nu, _ = condensed.corrected(lambda z: qvi.gradient(z) + forces, qvi.b, z + dz, nu + dnu, size)
+        return z, m[: qvi.m], m[qvi.m :], nu

@@ -148,7 +148,7 @@ def test_condensed_and_original_have_the_same_solutions(seed, n, equalities):
     assert siconos_error(problem, state.r, state.lam) < 1e-6
     u = solved(problem).u
     m_N, m_T = qvi.W * u[0::2], -qvi.W * u[1::2]
-    z, nu = Compliance(qvi).unknowns(np.concatenate([m_N, m_T]))
+    z, _, _, nu = Compliance(qvi).state(np.concatenate([m_N, m_T]))
     assert certify(qvi, z, m_N, m_T, nu).accuracy < 1e-7
     above = qvi.energy(solution.z) - qvi.energy(qvi.bonded)
     energy = 0.5 * state.r @ problem.W @ state.r + problem.q @ state.r
