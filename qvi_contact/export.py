@@ -337,7 +337,7 @@ def _write_grid(
     if parts.shape[1] == 3:  # make all triangles counterclockwise
         kind, (a, b, c) = "triangle", points[parts].swapaxes(0, 1)
         parts = np.where((cross(b - a, c - a) < 0.0)[:, None], parts[:, ::-1], parts)
-    labels = Units.labels(units, {name: of for name, (_, of) in (point_data | cell_data).items() if of})
+    labels = Units.labels(units, {name: of for name, (_, of) in (point_data | cell_data).items()})
 
     def named(data: _Data) -> Iterator[tuple[str, NDArray[Any]]]:
         for name, (values, _) in data.items():

@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
 
 _COLUMNS: Final = {
-    "x": "length", "y": "length", "weights": "length", "friction": "", "friction_bound": "stress",
+    "x": "length", "y": "length", "weight": "length", "friction": "", "friction_bound": "stress",
     "normal_stress": "stress", "pore_pressure": "stress", "tangential_stress": "stress", "gap": "displacement",
     "slip": "displacement",
 }  # fmt: skip
-"""Attributes that are columns of `ContactLine.to_frame`, and their `Units`."""
+"""Columns of `ContactLine.to_frame` and their `Units`; but for "weight" they are attributes."""
 
 SUMMARY: Final = {
     "normal_force": "force", "tangential_force": "force", "largest_pressure": "stress",
@@ -187,13 +187,11 @@ class ContactLine(WithFields):
         """
         names, path = [state.name.lower() for state in ContactState], self.path
         order = path.points(self.points_per_edge).ravel()
+        attributes = {**vars(self), "weight": self.weights}
         columns = {"s": path.places(gauss_legendre(self.points_per_edge)[0]).ravel()}
-        named = {name.replace("weights", "weight"): (name, unit) for name, unit in _COLUMNS.items()}
-        columns |= {column: getattr(self, name)[order] for column, (name, _) in named.items()}
-        quantities = {"s": "length"} | {column: unit for column, (_, unit) in named.items() if unit}
-        labels = Units.labels(units, quantities)
-        states = pandas().Categorical.from_codes(self.state[order], names)
-        return frame({**columns, "state": states}, labels)
+        columns |= {name: attributes[name][order] for name in _COLUMNS}
+        columns["state"] = pandas().Categorical.from_codes(self.state[order], names)
+        return frame(columns, Units.labels(units, {"s": "length"} | _COLUMNS))
 
     def summary(self) -> dict[str, float]:
         """Resultant forces, shares of the length in each state, and extremes; `SUMMARY` has their units."""

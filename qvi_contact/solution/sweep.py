@@ -129,7 +129,7 @@ class SweepRows(WithFields):
             for row in self.rows()
             for contact, summary in row.contacts.items()
         ]
-        length = Units.labels(units, {name: "displacement"} if name in ("gap", "offset") else {})
+        length = Units.labels(units, {name: "displacement" if name in ("gap", "offset") else ""})
         return frame(pandas().DataFrame(lines), {**forces_units(units), **length})
 
 
