@@ -32,7 +32,7 @@ from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polyno
 from qvi_contact.problem.material import Material, Region, cell_materials, is_strained
 from solvers.basics.types import PicklesFields
 
-_OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
+_OVERLAP: Final = "drop one, or name parts of the side by with_edges() or [[edges]]"
 _LISTS: Final = (
     ("conditions", (Traction, Displacement, Symmetry, Contact), "Traction, Displacement, Symmetry or Contact"),
     ("regions", Region, "Region"),
@@ -289,7 +289,7 @@ def _owners_of(problem: ContactProblem, given: Sequence[tuple[int, Sequence[str]
     if (owners < 0).any():
         row, edge = np.argwhere(owners < 0)[0].tolist()
         of_edge = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
-        remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
+        remedy = "has no condition; add a traction (0 if it is free), a displacement, a symmetry or a contact"
         refuse([*of_edge, "an edge without a name"][0], row + 2 * int(is_local[edge]), edge, remedy)
     owners.flags.writeable = False  # problems share it
     return owners
