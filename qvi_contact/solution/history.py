@@ -70,8 +70,8 @@ class History(WithFields):
     @cached_property
     def statuses(self) -> tuple[Status, ...]:
         """The status of each step done."""
-        stored = getattr(self.steps, "statuses", None)  # a store has them without reading results
-        return tuple(stored or (step.status for step in self.steps))
+        stored: tuple[Status, ...] | None = getattr(self.steps, "statuses", None)  # a store need not read results
+        return tuple(step.status for step in self.steps) if stored is None else stored
 
     @property
     def status(self) -> Status:

@@ -381,13 +381,15 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
         return
     seconds = deadline.left
     limits = Limits(seconds + _GRACE if seconds < math.inf else None)
-    remedy = "cannot be sent to other processes: give Expression or Polynomial for its functions, or those of modules"
     try:
         settings = replace(task.settings, threads=task.settings.threads or 1)
         shared = replace(task, settings=settings, end=time.time() + seconds)  # a process keeps it for all its slices
         job = pickle.dumps(partial(tuple, (None, shared.rows)))
+    except InputError:  # it names the function of the problem that cannot be pickled
+        raise
     except Exception as error:  # pickle raises PicklingError, AttributeError or TypeError
-        raise InputError("problem", task.problem, f"{remedy} ({error})") from error
+        remedy = f"cannot be sent to other processes: give a function of a module as callback ({error})"
+        raise InputError("settings", task.settings, remedy) from error
     try:
         with workers.ready(job, limits) as (size, outcomes):
             length = min(_LARGEST, max(1, math.ceil(len(planned) / (_SLICES * size))))
@@ -406,6 +408,7 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
                         message = f"the process that solved it died twice ({outcome.reason})"
                         yield [SweepRow(number, value, status, message, 0, math.nan, outcome.seconds, {})]
     except NotLoadedError as error:
+        remedy = "cannot be sent to other processes: give Expression or Polynomial for functions, or those of modules"
         raise InputError("problem", task.problem, f"{remedy} ({error.reason})") from error
 
 

@@ -295,6 +295,7 @@ def test_a_last_step_that_is_not_carried_is_there_and_tried_again(tmp_path, monk
         monkeypatch.chdir("/")
         assert (seen, history.statuses) == (told, (Status.SOLVED, Status.INFEASIBLE))
         assert [step.status for step in history.steps] == list(history.statuses)
+        assert replace(history, steps=history.steps[:1], planned=1).status is Status.SOLVED
         assert history.steps[0].contacts["bottom"].tangential_force == pytest.approx(-0.4, rel=1e-8)
 
 

@@ -13,7 +13,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, read_sweep, solve, solve_sweep
+from qvi_contact import InputError, Settings, TriangleMesh, read_sweep, solve, solve_sweep
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction
 from qvi_contact.runs import Outcome, Workers
@@ -212,10 +212,11 @@ def test_rows_that_come_in_any_order_are_each_on_disk_before_the_next(tmp_path, 
 
 def test_functions_that_other_processes_cannot_have(tmp_path):
     conditions = [replace(c, gap=lambda x, y: 0.0 * (x + y)) if isinstance(c, Contact) else c for c in PLATE.conditions]
-    problem = replace(PLATE, conditions=conditions)
+    problem, told = replace(PLATE, conditions=conditions), lambda *_: None
     assert solve_sweep(problem, "friction", [0.1], store=tmp_path / "a").status is Status.SOLVED
-    with refused_at("problem"):
-        solve_sweep(problem, "friction", [0.1, 0.2], store=tmp_path / "b", workers=2)
+    for field, given, settings in (("Contact.gap", problem, Settings()), ("settings", PLATE, Settings(callback=told))):
+        with refused_at(field):
+            solve_sweep(given, "friction", [0.1, 0.2], None, None, settings, store=tmp_path / "b", workers=2)
 
 
 def test_a_value_that_ends_its_process_has_a_row_that_says_so(tmp_path, environ):
