@@ -29,7 +29,7 @@ from qvi_contact.problem.conditions import (
     components,
 )
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial, along_edges
-from qvi_contact.problem.material import Material, Region, cell_materials, is_strained
+from qvi_contact.problem.material import Material, Region, is_strained
 from solvers.basics.types import PicklesFields
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges() or [[edges]]"
@@ -111,8 +111,11 @@ class ContactProblem(WithFields, PicklesFields):
 
     @cached_property
     def cell_materials(self) -> IntArray:
-        """Index into `materials` for each cell, shape (cells,)."""
-        return cell_materials(self.mesh, self.regions)
+        """Index into `materials` for each cell, (cells,): 0 outside regions, else 1 + the number of its last region."""
+        material_of_cell = np.zeros(self.mesh.cell_count, dtype=np.int64)
+        for number, region in enumerate(self.regions):
+            material_of_cell[region.cells(self.mesh, self.regions[:number])] = 1 + number
+        return material_of_cell
 
     def __getstate__(self) -> dict[str, Any]:
         strengths = [material.strength for material in self.materials if material.strength is not None]

@@ -284,9 +284,8 @@ def solve_sweep(
 class SweepTask:
     """Solves the values of a sweep one after the other, on one factorisation; processes each have a copy.
 
-    A value starts from the state of the value before. If the method finds that state too far away, the start has cost
-    an iteration or two. Then the next value starts without it; after a second failure in a row the next two values do,
-    then four, and so on: where contact zones grow with each value, the state before is seldom near.
+    A value starts from the state of the value before. If the method finds that state too far away, as often where
+    contact zones grow with each value, the start has cost an iteration or two of about twelve.
     """
 
     problem: ContactProblem
@@ -297,8 +296,6 @@ class SweepTask:
     end: float = math.inf  # time limit by `time.time`, which the machines of a cluster share
     _before: Discretization | None = field(default=None, init=False)  # of the last value
     _state: ContactResult | None = field(default=None, init=False)  # of the last value that was solved
-    _pause: int = field(default=0, init=False)  # values without a warm start after the last failed one
-    _left: int = field(default=0, init=False)  # of these, still to come
 
     @classmethod
     def of(
@@ -349,13 +346,7 @@ class SweepTask:
                 self._before = self._before.with_law(problem)
             else:
                 self._before = rescaled(self._before.with_data(problem), self.settings)
-            result = solved(self._before, self.settings, self._state if self.warm and not self._left else None)
-            near = result.solution.near
-            if near is None:  # the solve had no warm start
-                self._left = max(self._left - 1, 0)
-            else:
-                self._pause = 0 if near else max(2 * self._pause, 1)
-                self._left = self._pause
+            result = solved(self._before, self.settings, self._state if self.warm else None)
             if result.status is Status.SOLVED:
                 self._state = result
             yield number, value, result, time.perf_counter() - began

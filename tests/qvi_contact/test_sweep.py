@@ -64,7 +64,7 @@ def test_all_values_share_one_matrix_and_its_elimination():
     assert all(qvi.K is first.K and qvi.stiffness is first.stiffness for qvi in others)
 
 
-def test_starts_near_the_answer_are_kept_and_others_tried_ever_more_seldom():
+def test_starts_far_from_the_answer_cost_an_iteration_or_two():
     """A punch whose contact grows with each value."""
     sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
     punch = Contact("top", 0.3, lambda x, y: 0.02 * (x - 1.0) ** 2 + 0.0 * y)
@@ -74,10 +74,9 @@ def test_starts_near_the_answer_are_kept_and_others_tried_ever_more_seldom():
     warm, cold = (solve_sweep(layer, "gap", depths, warm_start=warm, method="condensed") for warm in (True, False))
     near = [step.solution.near for step in warm.steps]
     assert [step.solution.near for step in cold.steps] == [None] * 8
-    assert near[0] is None
-    assert {False, None} <= set(near[1:])
+    assert near == [None, *[False] * 7]
     more = [one.iterations - other.iterations for one, other in zip(warm.steps, cold.steps, strict=True)]
-    assert [number for number, extra in enumerate(more) if extra] == [k for k, one in enumerate(near) if one is False]
+    assert (more[0], min(more[1:]) > 0, max(more) <= 2) == (0, True, True)
     near = solve_sweep(layer, "gap", [-0.02, -0.0201, -0.0202])
     assert [step.solution.near for step in near.steps] == [None, True, True]
 
