@@ -145,7 +145,6 @@ class TestWhatDrives:
 
     @pytest.mark.parametrize("way", [(1.0, 0.0), (0.6, 0.8), (0.0, 1.0)])
     def test_a_slanted_side_has_the_loop_of_its_whole_motion(self, way):
-        """It had that of x alone."""
         flat = TriangleMesh.rectangle((4, 2), WIDTH, HEIGHT)
         mesh = TriangleMesh(flat.vertices @ [[0.8, 0.6], [-0.6, 0.8]], flat.cells, flat.edge_sets)
         held = [Displacement("bottom", 0.0, 0.0), *(Traction(side, 0.0, 0.0) for side in ("left", "right"))]
