@@ -132,11 +132,10 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
     """The part of the summary that needs a stress state."""
     contacts, all_numbers = {}, contact_numbers(result)
     for name, line in result.contacts.items():
-        numbers, unit = line.summary(), dict(SUMMARY)
-        if line.has_fluid:
-            numbers["effective_normal_force"], unit["effective_normal_force"] = line.effective_normal_force, "force"
+        effective = {"effective_normal_force": line.effective_normal_force} if line.has_fluid else {}
         contacts[name] = {
-            **_quantities(numbers, unit, units),
+            **_quantities(all_numbers[name], SUMMARY, units),
+            **_quantities(effective, dict.fromkeys(effective, "force"), units),
             "length": {state: _quantity(length, units.length) for state, length in line.lengths.items()},
             "points": len(line.x),
         }
@@ -337,7 +336,7 @@ def _write_grid(
     if parts.shape[1] == 3:  # make all triangles counterclockwise
         kind, (a, b, c) = "triangle", points[parts].swapaxes(0, 1)
         parts = np.where((cross(b - a, c - a) < 0.0)[:, None], parts[:, ::-1], parts)
-    labels = Units.labels(units, {name: of for name, (_, of) in (point_data | cell_data).items() if of})
+    labels = Units.labels(units, {name: of for name, (_, of) in (point_data | cell_data).items()})
 
     def named(data: _Data) -> Iterator[tuple[str, NDArray[Any]]]:
         for name, (values, _) in data.items():

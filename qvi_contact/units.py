@@ -36,12 +36,12 @@ class Units(Checked):
 
     @classmethod
     def labels(cls, units: object, quantities: Mapping[str, str]) -> dict[str, str]:
-        """Unit by name, from the quantity of each name; empty without units."""
+        """Unit by name, from the quantity of each name that has one; empty without units."""
         if units is None:
             return {}
         if not isinstance(units, cls):
             raise InputError("units", units, "give Units, such as Units('mm', 'MPa'), or leave them out")
-        return {name: str(getattr(units, quantity)) for name, quantity in quantities.items()}
+        return {name: str(getattr(units, quantity)) for name, quantity in quantities.items() if quantity}
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -32,18 +32,6 @@ LARGEST: Final = 1e60
 ADD: Final = "add this key, it is needed"
 MOST: Final = 2000  # entries of a table with free names, and tables of one kind
 _MAX_NAME: Final = 100
-_TOML_REMEDIES: Final = (
-    ("with_edges() or with_joint()", "[[edges]] or [[joints]]"),
-    ("with_edges()", "[[edges]]"),
-    ("with_joint()", "[[joints]]"),
-    ("with_region()", "[[regions]]"),
-    (
-        "add a Traction (0 if it is free), Displacement, Symmetry or Contact",
-        "add [[tractions]] (0 if it is free), [[displacements]], [[symmetry]] or [[contacts]]",
-    ),
-    ("is not a Traction;", "is not one of [[tractions]];"),
-    ("by a Displacement or Contact", "by [[displacements]] or [[contacts]]"),
-)  # words of remedies in Python, and in problem files
 
 
 _Value = TypeVar("_Value")
@@ -531,13 +519,6 @@ def joined(path: str, further: str) -> str:
     return f"{path}.{further}" if path and further and not further.startswith("[") else path + further
 
 
-def in_toml(remedy: str) -> str:
-    """The remedy in the words of problem files."""
-    for python, toml in _TOML_REMEDIES:
-        remedy = remedy.replace(python, toml)
-    return remedy
-
-
 @contextmanager
 def located(path: str, known: Iterable[str] | None = None) -> Iterator[None]:
     """Put `path` before the field of errors in the block; with `known`, only the field's last part stays, if known."""
@@ -552,7 +533,7 @@ def located(path: str, known: Iterable[str] | None = None) -> Iterator[None]:
 def _with_path(path: str, error: InputError) -> InputError:
     """The error with the path of the table or list around it."""
     value = Missing() if error.value is None else error.value
-    return type(error)(joined(path, error.field), value, in_toml(error.remedy))
+    return type(error)(joined(path, error.field), value, error.remedy)
 
 
 def _suggestion(kind: type, name: str, known: tuple[str, ...], reader: Reader) -> str:

@@ -421,7 +421,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         if abs(contradiction) > max(_BALANCED, body.closely) * max(1.0, float(np.abs(b).max())):
             field = "ContactProblem.conditions"
             remedy = "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, "
-            remedy += "or support the body by a Displacement or Contact"
+            remedy += "or support the body by a displacement or a contact"
             if index >= rigid:
                 field, contradiction = "RigidPlate", -contradiction  # of the force that is given
                 remedy = "contradicts the other loads by this, dimensionless: correct it, or leave it out"

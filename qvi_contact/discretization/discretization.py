@@ -241,7 +241,7 @@ def _discretized(
     if imbalance > 0.0:
         remedy = (
             "tractions and body forces on a closed part of the boundary are out of balance by this force "
-            "(or moment over the body's length): correct the loads, or support the body by a Displacement or Contact"
+            "(or moment over the body's length): correct the loads, or support the body by a displacement or a contact"
         )
         raise InputError("ContactProblem.conditions", imbalance * scales.stress * scales.length, remedy)
     compliances = np.stack([material.compliance / scales.compliance for material in problem.materials])

@@ -348,9 +348,9 @@ class StepStore(Sequence[ContactResult]):
     """Results of a history of `planned` steps, each read from its file when it is asked for.
 
     The last result read or added stays in memory. `fingerprint` is a digest of problems and options, `restore`
-    discretises the problem of a step, `statuses` has the status of each step so far; until `held` is closed the folder
-    is locked for other runs. `InputError` if the folder cannot be written, another run is at work on it, or it holds
-    other files or another history; when a step is read, if its file is damaged or was changed.
+    discretises the problem of a step; until `held` is closed the folder is locked for other runs. `InputError` if the
+    folder cannot be written, another run is at work on it, or it holds other files or another history; when a step is
+    read, if its file is damaged or was changed.
     """
 
     def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore, held: ExitStack) -> None:
@@ -378,10 +378,10 @@ class StepStore(Sequence[ContactResult]):
                 raise InputError("store", str(header), remedy)
         else:
             write_text(header, json.dumps(expected, indent=2) + "\n", "store")
-        self.statuses: list[Status] = []
-        while len(self.statuses) < planned:
+        self._all_statuses: list[Status] = []
+        while len(self._all_statuses) < planned:
             try:
-                self.statuses.append(Status(self._archive(len(self.statuses) + 1).text("status")))
+                self._all_statuses.append(Status(self._archive(len(self._all_statuses) + 1).text("status")))
             except (InputError, ValueError):
                 break
 
@@ -394,7 +394,7 @@ class StepStore(Sequence[ContactResult]):
             part._slice = self._numbers[index]
             return part
         number = self._numbers[index]
-        if number == len(self.statuses) and self._unfinished is not None:
+        if number == len(self._all_statuses) and self._unfinished is not None:
             return self._unfinished
         if self._last_read is None or self._last_read[0] != number:
             archive = self._archive(number)
@@ -403,18 +403,23 @@ class StepStore(Sequence[ContactResult]):
 
     def append(self, result: ContactResult) -> None:
         """Add a step. It is written if another may follow; a failed step, the last one, stays in memory only."""
-        number = len(self.statuses) + 1
+        number = len(self._all_statuses) + 1
         if result.status in CONTINUES:
             entries = solution_arrays(result, checked=False) | {STORE: self._fingerprint}
             write_archive(self._path(number), entries, "store")
             self._last_read = number, result
         else:
             self._unfinished = result
-        self.statuses.append(result.status)
+        self._all_statuses.append(result.status)
+
+    @property
+    def statuses(self) -> tuple[Status, ...]:
+        """The status of each step so far."""
+        return tuple(self._all_statuses[number - 1] for number in self._numbers)
 
     @property
     def _numbers(self) -> range:
-        return range(1, len(self.statuses) + 1) if self._slice is None else self._slice
+        return range(1, len(self._all_statuses) + 1) if self._slice is None else self._slice
 
     def _path(self, number: int) -> Path:
         return self._folder / f"step-{number:06}.npz"

@@ -404,7 +404,7 @@ class ProblemFile(WithFields):
         try:
             yield
         except InputError as error:
-            path, remedy = _RENAMED.get(error.field, error.field), schema.in_toml(error.remedy)
+            path = _RENAMED.get(error.field, error.field)
             for kind, options in (("refine", self.refine_options), ("solve", self.solve_options)):
                 if error.value is not None and options.get(error.field) == error.value:  # the file has that value
                     path = f"{kind}.{error.field}"
@@ -415,9 +415,9 @@ class ProblemFile(WithFields):
                     f"[{i}].{kind}" for i, table in contacts for kind in ("plate", "pin") if name in table.get(kind, ())
                 ]
                 path = f"contacts{places[0]}.{name}" if len(places) == 1 else f"contacts.plate.{name}"
-            if (path, remedy) == (error.field, error.remedy):
+            if path == error.field:
                 raise
-            raise type(error)(path, error.value, remedy) from error
+            raise type(error)(path, error.value, error.remedy) from error
 
 
 def load_problem(path: str | Path) -> ProblemFile:

@@ -313,19 +313,20 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
 
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`; `InputError` lists the known names."""
-        known = known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")
+        known = known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges() or [[edges]]")
         return self.topology.outer.searchsorted(self.edges(known).number)
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the edges of the joint `name`; `InputError` lists the known names."""
-        known = known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")
+        known = known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint() or [[joints]]")
         return self.topology.inner.searchsorted(self.edges(known).number)
 
     def edges(self, name: str) -> Edges:
         """The edges called `name`, on the boundary or in a joint; read only, as all callers share them."""
         if not isinstance(name, str) or name not in self._taken:
             known = {"edge sets": self.edge_names, "joints": self.joint_names}
-            numbers = self._numbers[known_name("edges", name, known, "add it by with_edges() or with_joint()")]
+            remedy = "add it by with_edges() or with_joint(), [[edges]] or [[joints]]"
+            numbers = self._numbers[known_name("edges", name, known, remedy)]
             outer = name in self.edge_names
             all_edges, order = (self.boundary, self.topology.outer) if outer else (self.interior, self.topology.inner)
             edges = all_edges.take(order.searchsorted(numbers))
@@ -341,7 +342,8 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
 
     def region(self, name: str) -> IntArray:
         """Numbers of the triangles of a region, in ascending order."""
-        return self.regions[known_name("region", name, {"regions": self.regions}, "add it by with_region()")]
+        known = {"regions": self.regions}
+        return self.regions[known_name("region", name, known, "add it by with_region() or [[regions]]")]
 
     def points_along(self, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates x, y [length] at reference points t, 0 to 1, (q,) or (n, q), of n edges; shape (n, q) each."""

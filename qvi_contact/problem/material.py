@@ -237,14 +237,6 @@ class Region(Checked):
         return cells
 
 
-def cell_materials(mesh: TriangleMesh, regions: Sequence[Region]) -> IntArray:
-    """Index of each cell's material, shape (cells,): 0 outside regions, else 1 + the number of its last region."""
-    material_of_cell = np.zeros(mesh.cell_count, dtype=np.int64)
-    for number, region in enumerate(regions):
-        material_of_cell[region.cells(mesh, regions[:number])] = 1 + number
-    return material_of_cell
-
-
 # initial strain
 
 

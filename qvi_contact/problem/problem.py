@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property, partial
-from typing import Any, Final, NoReturn, TypeAlias
+from typing import Any, Final, NoReturn
 
 import numpy as np
 
@@ -29,10 +29,10 @@ from qvi_contact.problem.conditions import (
     components,
 )
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial, along_edges
-from qvi_contact.problem.material import Material, Region, cell_materials, is_strained
+from qvi_contact.problem.material import Material, Region, is_strained
 from solvers.basics.types import PicklesFields
 
-_OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
+_OVERLAP: Final = "drop one, or name parts of the side by with_edges() or [[edges]]"
 _LISTS: Final = (
     ("conditions", (Traction, Displacement, Symmetry, Contact), "Traction, Displacement, Symmetry or Contact"),
     ("regions", Region, "Region"),
@@ -111,8 +111,11 @@ class ContactProblem(WithFields, PicklesFields):
 
     @cached_property
     def cell_materials(self) -> IntArray:
-        """Index into `materials` for each cell, shape (cells,)."""
-        return cell_materials(self.mesh, self.regions)
+        """Index into `materials` for each cell, (cells,): 0 outside regions, else 1 + the number of its last region."""
+        material_of_cell = np.zeros(self.mesh.cell_count, dtype=np.int64)
+        for number, region in enumerate(self.regions):
+            material_of_cell[region.cells(self.mesh, self.regions[:number])] = 1 + number
+        return material_of_cell
 
     def __getstate__(self) -> dict[str, Any]:
         strengths = [material.strength for material in self.materials if material.strength is not None]
@@ -173,14 +176,13 @@ class ContactProblem(WithFields, PicklesFields):
         The two components are x and y; on slanted edges whose conditions give normal and tangential components, these.
         The mesh keeps the array for all problems with the same edges and components: the values do not matter.
         """
-        joints, assignments, key = self.joints, list[_Assignment](), list[tuple[object, ...]]()
+        joints, given = self.joints, list[tuple[int, Sequence[str], IntArray]]()
         for index, condition in enumerate(self.conditions):
             if condition not in joints:
-                names = tuple(components(condition)) if isinstance(condition, (Traction, Displacement)) else ()
-                edges = _edges_of(self.mesh, condition)
-                assignments.append((index, condition, names, edges))
-                key.append((index, type(condition), names, edges.tobytes()))
-        return self.mesh.kept(np.ndarray, ("owners", *key), partial(_owners_of, self, assignments))
+                names = tuple(components(condition)) if isinstance(condition, (Traction, Displacement)) else LOCAL
+                given.append((index, names, _edges_of(self.mesh, condition)))
+        key = ((index, names, edges.tobytes()) for index, names, edges in given)
+        return self.mesh.kept(np.ndarray, ("owners", *key), partial(_owners_of, self, given))
 
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> tuple[Prescribed, ...]:
         """All prescribed components of tractions or of displacements, with those of symmetry lines."""
@@ -246,12 +248,11 @@ def _check_parts(problem: ContactProblem) -> None:
             joint_of_edge[edge] = joint.name
 
 
-_Assignment: TypeAlias = tuple[int, Condition, tuple[str, ...], IntArray]
-"""Index of a condition, the condition, its components (empty: both), and its edges as indices of the boundary."""
+def _owners_of(problem: ContactProblem, given: Sequence[tuple[int, Sequence[str], IntArray]]) -> IntArray:
+    """`ContactProblem.owners` from the index of each condition, the names of its components, and its boundary edges.
 
-
-def _owners_of(problem: ContactProblem, assignments: Sequence[_Assignment]) -> IntArray:
-    """`ContactProblem.owners`; `InputError` for a component with no or two conditions, or an edge with both frames."""
+    `InputError` for a component with no or two conditions, or an edge with both frames.
+    """
     mesh, boundary = problem.mesh, problem.mesh.boundary
 
     def middle(edge: int) -> str:
@@ -261,26 +262,22 @@ def _owners_of(problem: ContactProblem, assignments: Sequence[_Assignment]) -> I
         component = f"{_NAMES[row]} component" if row >= len(CARTESIAN) else f"component {_NAMES[row]}"
         raise InputError("ContactProblem.conditions", name, f"{component} of the edge around {middle(edge)} {remedy}")
 
-    # one entry for each component that a condition gives on an edge: condition (m,), component (m,), edge (m,)
-    given = [(k, _NAMES.index(name), chosen) for k, _, names, chosen in assignments for name in names or LOCAL]
-    entry_edge = np.concatenate([np.empty(0, dtype=np.int64), *(chosen for _, _, chosen in given)])
-    numbers = np.array([entry[:2] for entry in given], dtype=np.int64).reshape(-1, 2)
-    entry_owner, entry_component = numbers.repeat([len(chosen) for _, _, chosen in given], axis=0).T
-
-    # rows x, y, normal, tangential; on edges parallel to an axis the last two are x and y
+    # owners of the components x, y, normal, tangential; on edges parallel to an axis the last two are x and y
+    owner_of_row = np.full((4, len(boundary)), -1)
     axis_parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & ~boundary.bent
     normal_axis = np.abs(boundary.normal).argmax(axis=1)
-    row_of_component = np.array([0 * normal_axis, 0 * normal_axis + 1, normal_axis, 1 - normal_axis])
-    entry_row = np.where(axis_parallel[entry_edge], row_of_component[entry_component, entry_edge], entry_component)
-    owner_of_row = np.full((4, len(boundary)), -1)
-    owner_of_row[entry_row, entry_edge] = entry_owner
-    if np.count_nonzero(owner_of_row >= 0) < len(entry_edge):  # two conditions give the same component
-        place = entry_row * len(boundary) + entry_edge
-        second = int(np.setdiff1d(np.arange(len(place)), np.unique(place, return_index=True)[1])[0])
-        first = int(np.argmax(place == place[second]))
-        earlier, later = (problem.conditions[entry_owner[entry]] for entry in (first, second))
-        remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
-        refuse(later.edges, int(entry_row[second]), int(entry_edge[second]), remedy)
+    normal, tangential = np.where(axis_parallel, [normal_axis, 1 - normal_axis], [[2], [3]])
+    row_of_component = dict(zip(_NAMES, (0 * normal, 0 * normal + 1, normal, tangential), strict=True))
+    for index, names, edges in given:
+        for name in names:
+            rows = row_of_component[name][edges]
+            taken = np.flatnonzero(owner_of_row[rows, edges] >= 0)
+            if len(taken):
+                row, edge = int(rows[taken[0]]), int(edges[taken[0]])
+                earlier = problem.conditions[owner_of_row[row, edge]]
+                remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
+                refuse(problem.conditions[index].edges, row, edge, remedy)
+            owner_of_row[rows, edges] = index
     is_local = np.asarray((owner_of_row[2:] >= 0).any(axis=0))
     mixed = np.flatnonzero(is_local & (owner_of_row[:2] >= 0).any(axis=0))
     if len(mixed):
@@ -295,7 +292,7 @@ def _owners_of(problem: ContactProblem, assignments: Sequence[_Assignment]) -> I
     if (owners < 0).any():
         row, edge = np.argwhere(owners < 0)[0].tolist()
         of_edge = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
-        remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
+        remedy = "has no condition; add a traction (0 if it is free), a displacement, a symmetry or a contact"
         refuse([*of_edge, "an edge without a name"][0], row + 2 * int(is_local[edge]), edge, remedy)
     owners.flags.writeable = False  # problems share it
     return owners

@@ -16,25 +16,25 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.schema import WithFields
-from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import physical
 from qvi_contact.element.edge import SAMPLES, gauss_legendre, legendre_basis, legendre_from_values
 from qvi_contact.mesh.edges import Edges, chains, cross, points_back
 from qvi_contact.problem.conditions import bears_shear
 from qvi_contact.solution.stress import normal_and_shear
 from qvi_contact.units import Rounding, Units
-from solvers import QVISolution
 from solvers.basics.types import frame, load, pandas
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from qvi_contact.solution.result import ContactResult
+
 _COLUMNS: Final = {
-    "x": "length", "y": "length", "weights": "length", "friction": "", "friction_bound": "stress",
+    "x": "length", "y": "length", "weight": "length", "friction": "", "friction_bound": "stress",
     "normal_stress": "stress", "pore_pressure": "stress", "tangential_stress": "stress", "gap": "displacement",
     "slip": "displacement",
 }  # fmt: skip
-"""Attributes that are columns of `ContactLine.to_frame`, and their `Units`."""
+"""Columns of `ContactLine.to_frame` and their `Units`; but for "weight" they are attributes."""
 
 SUMMARY: Final = {
     "normal_force": "force", "tangential_force": "force", "largest_pressure": "stress",
@@ -187,13 +187,11 @@ class ContactLine(WithFields):
         """
         names, path = [state.name.lower() for state in ContactState], self.path
         order = path.points(self.points_per_edge).ravel()
+        attributes = {**vars(self), "weight": self.weights}
         columns = {"s": path.places(gauss_legendre(self.points_per_edge)[0]).ravel()}
-        named = {name.replace("weights", "weight"): (name, unit) for name, unit in _COLUMNS.items()}
-        columns |= {column: getattr(self, name)[order] for column, (name, _) in named.items()}
-        quantities = {"s": "length"} | {column: unit for column, (_, unit) in named.items() if unit}
-        labels = Units.labels(units, quantities)
-        states = pandas().Categorical.from_codes(self.state[order], names)
-        return frame({**columns, "state": states}, labels)
+        columns |= {name: attributes[name][order] for name in _COLUMNS}
+        columns["state"] = pandas().Categorical.from_codes(self.state[order], names)
+        return frame(columns, Units.labels(units, {"s": "length"} | _COLUMNS))
 
     def summary(self) -> dict[str, float]:
         """Resultant forces, shares of the length in each state, and extremes; `SUMMARY` has their units."""
@@ -246,23 +244,17 @@ def contact_states(
     return np.where((pressure <= opening + tolerance) & may_open, ContactState.OPEN, state)
 
 
-def contact_line(
-    discretization: Discretization,
-    number: int,
-    solution: QVISolution,
-    dofs: FloatArray,
-    unit: float,
-    rounding: Rounding,
-) -> ContactLine:
-    """Results on the contact `number` from the algebraic solution and its degrees of freedom of Φ (N,).
+def contact_line(result: ContactResult, number: int) -> ContactLine:
+    """Results on the contact `number`.
 
     The multipliers λ = m/W give u_N − g = −λ_N and u_T − w = −λ_T. Their g is within reach, see `Scales`; the distance
-    beyond is added to the gap. `unit` is the dimensionless unit of stress and displacement in `contact_states`.
+    beyond is added to the gap.
     """
-    rows = discretization.contacts[number]
-    scales, points = discretization.scales, rows.points
-    mesh, edges, rule = discretization.problem.mesh, points.edges, rows.rule
-    x, y = physical(discretization.problem, scales, points.coordinates)
+    dofs = result.dofs  # raises InputError if there is no state
+    problem, discretization, solution = result.problem, result.discretization, result.solution
+    rows, scales = discretization.contacts[number], discretization.scales
+    mesh, points, edges, rule = problem.mesh, rows.points, rows.points.edges, rows.rule
+    x, y = physical(problem, scales, points.coordinates)
     m_N = m_T = np.zeros(len(x))  # letters of (D2)
     if rows.law == "tied":
         effective, tangential = normal_and_shear(discretization, dofs, points)
@@ -274,8 +266,8 @@ def contact_line(
     gap = (m_N + points.weights * rows.beyond) / points.weights
     slip = -(m_T / points.weights)
     bound = rows.bound(effective)
-    frictionless = rows.law != "tied" and not bears_shear(discretization.problem.contacts[number])
-    may_open = rows.law == "unilateral"
+    frictionless = rows.law != "tied" and not bears_shear(problem.contacts[number])
+    may_open, unit = rows.law == "unilateral", result.certificate.scales.get("stress", 1.0)
     excess = pull = 0.0  # largest (|σ_T| − bound)⁺ and (σ_N')⁺ along the contact, dimensionless
     if rows.law != "tied":
         count, capped = points.count, bool(np.isfinite(rows.limits.cap).all())
@@ -306,7 +298,7 @@ def contact_line(
         pore_pressure=rows.pore_pressure * scales.stress,
         excess_between_points=excess * scales.stress,
         pull_between_points=pull * scales.stress,
-        rounding=rounding,
+        rounding=result.rounding,
         frictionless=frictionless,
         senses=turning_senses(mesh.vertices, edges),
     )

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,8 +70,8 @@ class History(WithFields):
     @cached_property
     def statuses(self) -> tuple[Status, ...]:
         """The status of each step done."""
-        stored = getattr(self.steps, "statuses", None)  # a store has them without reading results
-        return tuple(stored or (step.status for step in self.steps))
+        stored: tuple[Status, ...] | None = getattr(self.steps, "statuses", None)  # a store need not read results
+        return tuple(step.status for step in self.steps) if stored is None else stored
 
     @property
     def status(self) -> Status:
@@ -123,8 +124,8 @@ class History(WithFields):
         it equals the work of obstacles and supports, the area of their loops [stress × length²]. It tends to
         `dissipated` as steps shrink, and equals it if friction is at its bound at both ends of every step with slip.
         """
-        pairs = zip(self._states, [None, *self._states], strict=False)
-        return np.array([0.5 * (_friction_work(now, now) + _friction_work(now, last)) for now, last in pairs])
+        at_starts = [_friction_work(now, before) for before, now in pairwise(self._states)]
+        return np.asarray(0.5 * (self.dissipated + np.array([0.0, *at_starts])))
 
     def loop(self, name: str) -> tuple[FloatArray, FloatArray]:
         """Displacement of an obstacle or support (steps,) [length], and its force on the body [stress × length].
@@ -381,10 +382,8 @@ def _slip_after(result: ContactResult) -> list[FloatArray]:
     ]  # fmt: skip
 
 
-def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
-    """−∫ σ_T (s_k − s_{k−1}) ds with the slip of the step `now` and the traction of `other`; 0 without `other`."""
-    if other is None:
-        return 0.0
+def _friction_work(now: ContactResult, other: ContactResult) -> float:
+    """−∫ σ_T (s_k − s_{k−1}) ds with the slip of the step `now` and the traction of `other`."""
     traction = other.solution.problem.tangential(other.solution.z)
     return float(now.solution.tangential_multiplier @ traction) * now.discretization.scales.energy
 

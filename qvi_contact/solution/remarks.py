@@ -12,7 +12,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.schema import WithFields
-from qvi_contact.discretization.loads import joined, physical
+from qvi_contact.discretization.loads import joined
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
 from qvi_contact.mesh.edges import closes
@@ -123,9 +123,8 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
     if problem.yields:
         from qvi_contact.limit.stresses import excess  # loaded only for bodies that yield
 
-        points, stress = stress_in_cells(result.discretization, result.dofs)
-        x, y = physical(problem, scales, points)
-        above = excess(problem, x, y, scales.stress * stress)
+        x, y, stress = result.gauss_stress()
+        above = excess(problem, x, y, stress)
         least, largest = _YIELDS * scales.stress, float(above.max())
         if largest > least:
             at = np.unravel_index(int(np.argmax(above)), above.shape)

@@ -270,11 +270,7 @@ class ContactResult(WithFields, PicklesFields):
     @cached_property
     def contacts(self) -> Mapping[str, ContactLine]:
         """Results on each contact by name."""
-        unit = self.certificate.scales.get("stress", 1.0)
-        lines = {
-            rows.name: contact_line(self.discretization, number, self.solution, self.dofs, unit, self.rounding)
-            for number, rows in enumerate(self.discretization.contacts)
-        }
+        lines = {rows.name: contact_line(self, number) for number, rows in enumerate(self.discretization.contacts)}
         return Named("contacts", "contacts", lines)
 
     @cached_property

@@ -129,7 +129,7 @@ class SweepRows(WithFields):
             for row in self.rows()
             for contact, summary in row.contacts.items()
         ]
-        length = Units.labels(units, {name: "displacement"} if name in ("gap", "offset") else {})
+        length = Units.labels(units, {name: "displacement" if name in ("gap", "offset") else ""})
         return frame(pandas().DataFrame(lines), {**forces_units(units), **length})
 
 
@@ -284,9 +284,8 @@ def solve_sweep(
 class SweepTask:
     """Solves the values of a sweep one after the other, on one factorisation; processes each have a copy.
 
-    A value starts from the state of the value before. If the method finds that state too far away, the start has cost
-    an iteration or two. Then the next value starts without it; after a second failure in a row the next two values do,
-    then four, and so on: where contact zones grow with each value, the state before is seldom near.
+    A value starts from the state of the value before. If the method finds that state too far away, as often where
+    contact zones grow with each value, the start has cost an iteration or two of about twelve.
     """
 
     problem: ContactProblem
@@ -297,8 +296,6 @@ class SweepTask:
     end: float = math.inf  # time limit by `time.time`, which the machines of a cluster share
     _before: Discretization | None = field(default=None, init=False)  # of the last value
     _state: ContactResult | None = field(default=None, init=False)  # of the last value that was solved
-    _pause: int = field(default=0, init=False)  # values without a warm start after the last failed one
-    _left: int = field(default=0, init=False)  # of these, still to come
 
     @classmethod
     def of(
@@ -349,13 +346,7 @@ class SweepTask:
                 self._before = self._before.with_law(problem)
             else:
                 self._before = rescaled(self._before.with_data(problem), self.settings)
-            result = solved(self._before, self.settings, self._state if self.warm and not self._left else None)
-            near = result.solution.near
-            if near is None:  # the solve had no warm start
-                self._left = max(self._left - 1, 0)
-            else:
-                self._pause = 0 if near else max(2 * self._pause, 1)
-                self._left = self._pause
+            result = solved(self._before, self.settings, self._state if self.warm else None)
             if result.status is Status.SOLVED:
                 self._state = result
             yield number, value, result, time.perf_counter() - began
@@ -381,13 +372,15 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
         return
     seconds = deadline.left
     limits = Limits(seconds + _GRACE if seconds < math.inf else None)
-    remedy = "cannot be sent to other processes: give Expression or Polynomial for its functions, or those of modules"
     try:
         settings = replace(task.settings, threads=task.settings.threads or 1)
         shared = replace(task, settings=settings, end=time.time() + seconds)  # a process keeps it for all its slices
         job = pickle.dumps(partial(tuple, (None, shared.rows)))
+    except InputError:  # it names the function of the problem that cannot be pickled
+        raise
     except Exception as error:  # pickle raises PicklingError, AttributeError or TypeError
-        raise InputError("problem", task.problem, f"{remedy} ({error})") from error
+        remedy = f"cannot be sent to other processes: give a function of a module as callback ({error})"
+        raise InputError("settings", task.settings, remedy) from error
     try:
         with workers.ready(job, limits) as (size, outcomes):
             length = min(_LARGEST, max(1, math.ceil(len(planned) / (_SLICES * size))))
@@ -406,6 +399,7 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
                         message = f"the process that solved it died twice ({outcome.reason})"
                         yield [SweepRow(number, value, status, message, 0, math.nan, outcome.seconds, {})]
     except NotLoadedError as error:
+        remedy = "cannot be sent to other processes: give Expression or Polynomial for functions, or those of modules"
         raise InputError("problem", task.problem, f"{remedy} ({error.reason})") from error
 
 

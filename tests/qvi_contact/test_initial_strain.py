@@ -316,6 +316,8 @@ class TestRefusals:
         ContactProblem(mesh, RUBBER, [*rest, Traction("slope", x=0.0), Displacement("slope", y=0.0)])
         with pytest.raises(InputError, match=r"Material\.poisson"):
             ContactProblem(mesh, RUBBER, [*rest, Traction("slope", tangential=0.0), Displacement("slope", normal=0.0)])
+        with pytest.raises(InputError, match="of the other kind"):
+            ContactProblem(mesh, RUBBER, [*rest, Traction("slope", x=0.0), Displacement("slope", normal=0.0)])
 
     def test_displacement_model(self):
         problem = compressed_plate(0.2, (2, 2), poisson=0.5, plane="strain")

@@ -150,7 +150,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
      ("[[contacts]]", "[contacts]", "contacts", "double brackets"),
      ('edges = "top"', 'edges = "to"', "contacts[0].edges", "[[edges]]"),
      ('edges = "right"', 'edges = "top"', "contacts[0]", "already has the condition"),
-     ('[[symmetry]]\nedges = "left"', "", "boundary conditions", "add [[tractions]]"),
+     ('[[symmetry]]\nedges = "left"', "", "boundary conditions", "add a traction"),
      ("x = [0.0, 1.0]", "x = [0.0, 0.0]\nremove = [{ y = [0.0, 1.0] }]", "mesh.x", "increasing"),
      ("x = [0.0, 1.0]", "x = []\nremove = [{ y = [0.0, 1.0] }]", "mesh.x", "at least two grid lines"),
      ("x = [0.0, 1.0]", "x = { stop = 1.0, cells = 2 }", "mesh.x.start", "add this key"),

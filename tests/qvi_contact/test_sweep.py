@@ -13,7 +13,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, read_sweep, solve, solve_sweep
+from qvi_contact import InputError, Settings, TriangleMesh, read_sweep, solve, solve_sweep
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction
 from qvi_contact.runs import Outcome, Workers
@@ -64,7 +64,7 @@ def test_all_values_share_one_matrix_and_its_elimination():
     assert all(qvi.K is first.K and qvi.stiffness is first.stiffness for qvi in others)
 
 
-def test_starts_near_the_answer_are_kept_and_others_tried_ever_more_seldom():
+def test_starts_far_from_the_answer_cost_an_iteration_or_two():
     """A punch whose contact grows with each value."""
     sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
     punch = Contact("top", 0.3, lambda x, y: 0.02 * (x - 1.0) ** 2 + 0.0 * y)
@@ -72,12 +72,9 @@ def test_starts_near_the_answer_are_kept_and_others_tried_ever_more_seldom():
     layer = ContactProblem(mesh, Material(1e3, 0.3), [punch, Displacement("bottom", x=0.0, y=0.0), *sides])
     depths = -0.001 * np.array([1.0, 3.0, 6.0, 10.0, 15.0, 20.0, 30.0, 40.0])
     warm, cold = (solve_sweep(layer, "gap", depths, warm_start=warm, method="condensed") for warm in (True, False))
-    near = [step.solution.near for step in warm.steps]
-    assert [step.solution.near for step in cold.steps] == [None] * 8
-    assert near[0] is None
-    assert {False, None} <= set(near[1:])
+    assert [step.solution.near for step in (*cold.steps, *warm.steps)] == [None] * 9 + [False] * 7
     more = [one.iterations - other.iterations for one, other in zip(warm.steps, cold.steps, strict=True)]
-    assert [number for number, extra in enumerate(more) if extra] == [k for k, one in enumerate(near) if one is False]
+    assert (more[0], min(more[1:]) > 0, max(more) <= 2) == (0, True, True)
     near = solve_sweep(layer, "gap", [-0.02, -0.0201, -0.0202])
     assert [step.solution.near for step in near.steps] == [None, True, True]
 
@@ -212,10 +209,11 @@ def test_rows_that_come_in_any_order_are_each_on_disk_before_the_next(tmp_path, 
 
 def test_functions_that_other_processes_cannot_have(tmp_path):
     conditions = [replace(c, gap=lambda x, y: 0.0 * (x + y)) if isinstance(c, Contact) else c for c in PLATE.conditions]
-    problem = replace(PLATE, conditions=conditions)
+    problem, told = replace(PLATE, conditions=conditions), lambda *_: None
     assert solve_sweep(problem, "friction", [0.1], store=tmp_path / "a").status is Status.SOLVED
-    with refused_at("problem"):
-        solve_sweep(problem, "friction", [0.1, 0.2], store=tmp_path / "b", workers=2)
+    for field, given, settings in (("Contact.gap", problem, Settings()), ("settings", PLATE, Settings(callback=told))):
+        with refused_at(field):
+            solve_sweep(given, "friction", [0.1, 0.2], None, None, settings, store=tmp_path / "b", workers=2)
 
 
 def test_a_value_that_ends_its_process_has_a_row_that_says_so(tmp_path, environ):
