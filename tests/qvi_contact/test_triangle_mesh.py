@@ -10,6 +10,7 @@ import pytest
 from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
 from qvi_contact.gallery import compressed_plate, fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment
+from qvi_contact.mesh.curves import fitted
 from tests.qvi_contact.builders import area, half_disc, quarter
 from tests.qvi_contact.test_triangles import oblique, turned
 
@@ -90,6 +91,23 @@ class TestRefusals:
         lines = [radius * np.column_stack([around.real, around.imag]) for radius in (1.0, 1.5)]
         with nullcontext() if turn < 2.0 else pytest.raises(InputError, match="overlaps itself"):
             fan(lines, closed=False)
+
+    @pytest.mark.parametrize("gap", [1e-9, 1e-5, -1e-2])
+    def test_a_spiral_whose_turns_have_a_gap(self, gap):
+        """Its sides are curves r = a + (w + gap) θ/2π; chords of both would cross in a gap of 1e-5 times its size."""
+
+        def side(start):
+            def points(t):
+                return (start + (0.3 + gap) * t / (2.0 * np.pi))[:, None] * np.column_stack([np.cos(t), np.sin(t)])
+
+            return points
+
+        angles, edges = np.linspace(0.0, 3.8 * np.pi, 38), np.arange(37)[:, None] + [0, 1]
+        vertices = np.concatenate([side(start)(angles) for start in (1.0, 1.3)])
+        cells = np.concatenate([np.append(edges, edges[:, :1] + 38, 1), np.append(edges + 38, edges[:, 1:], 1)])
+        arcs = [fitted("curve", side(1.0 + 0.3 * k), 0.0, 3.8 * np.pi, edges + 38 * k, vertices) for k in (0, 1)]
+        with nullcontext() if gap > 0.0 else pytest.raises(InputError, match="overlaps itself"):
+            TriangleMesh(vertices, cells, {}, {}, arcs)
 
     @pytest.mark.parametrize("rise", [0.09, 0.11])
     def test_an_arc_that_rises_through_a_hole(self, rise):
