@@ -1,10 +1,10 @@
 """Checks proofs of bounds of a limit load: ``python check_proof.py FILE``.
 
 The script needs nothing but Python's standard library, and all of its arithmetic is exact. The file states a body of
-straight triangles, loads, strengths and contact laws. Triangles are joined by pairs of vertices that they share; an
-edge of one triangle without a load or contact is held. Tractions on edges are multiplied by the length of the edge.
-Conditions on polynomials on triangles and edges are checked at their Bernstein ordinates: the values of a polynomial
-are convex combinations of these.
+straight triangles that do not overlap, loads, strengths and contact laws. Triangles are joined by pairs of vertices
+that they share; an edge of one triangle without a load or contact is held. Tractions on edges are multiplied by the
+length of the edge. Conditions on polynomials on triangles and edges are checked at their Bernstein ordinates: the
+values of a polynomial are convex combinations of these.
 
 **The lower factor.** Stresses in equilibrium with the body force b, div σ + b = 0, carry the loads times "factor" if
 tractions agree across every edge and with prescribed tractions, if the resultants on a plate are its forces and its
@@ -47,6 +47,7 @@ def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | No
     vectors += [contact["pivot"] for contact in proof["contacts"]]
     demand(all(len(each) == 2 for each in vectors), "a vertex, direction or pivot has not two coordinates")
     demand(all(gamma2 >= 0 for cones in proof["strengths"] for _, _, gamma2 in cones), "a strength has a negative γ²")
+    demand_plane(proof)
     lower = carried(proof, counted) if "stress" in proof else None
     upper = exceeded(proof, counted) if "flow" in proof else None
     demand(lower is None or upper is None or lower <= upper, "the factors contradict each other")
@@ -121,6 +122,33 @@ def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
     dead, live = map(sum, zip(*powers, strict=True))
     demand(live > 0 or (live == 0 and spent < dead), "the flow has no power of the loads")
     return (spent - dead) / live if live > 0 else -inf
+
+
+def demand_plane(proof: dict[str, Any]) -> None:
+    """`ValueError` if triangles overlap: two layers would carry twice the load of a plane body.
+
+    Triangles whose boxes overlap have no inner point in common if a line along an edge of one separates them.
+    """
+    corners = [[proof["vertices"][n] for n in names] for names in proof["triangles"]]
+    boxes = [[(min(along), max(along)) for along in zip(*each, strict=True)] for each in corners]
+    reached = list[int]()  # triangles that begin farther left and end farther right
+    for t in sorted(range(len(corners)), key=boxes.__getitem__):
+        (left, _), (low, high) = boxes[t]
+        reached = [other for other in reached if boxes[other][0][1] > left]
+        for other in reached:
+            if boxes[other][1][0] < high and low < boxes[other][1][1]:
+                pair = corners[t], corners[other]
+                demand(separates(*pair) or separates(*pair[::-1]), f"triangles {other} and {t} overlap")
+        reached.append(t)
+
+
+def separates(triangle: list[Any], other: list[Any]) -> bool:
+    """Whether the line along an edge of a triangle has the other triangle on its other side."""
+    for start, stop, opposite in (triangle, triangle[1:] + triangle[:1], triangle[2:] + triangle[:2]):
+        side = cross(less(stop, start), less(opposite, start))
+        if all(side * cross(less(stop, start), less(corner, start)) <= 0 for corner in other):
+            return True
+    return False
 
 
 def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[int, Any, Fraction, Any, dict[Any, Any]]]:
