@@ -135,9 +135,10 @@ class Differences:
     Rows of energies act on w, which is computed first: so large numbers cancel in the subtraction only.
     """
 
-    corners: Functionals  # (n, 6, 9): the differences of Φ, Φ_x, Φ_y in the second and third corner
+    corners: FloatArray  # (n, 6, 9): factors in the differences of Φ, Φ_x, Φ_y in the second and third corner
     dofs: IntArray  # (n, k + 3): the degrees of freedom of the corners, then those on edges, which are no differences
     units: FloatArray  # (n, k − 6): N_k or Q_k for one unit of these
+    size: int  # number N of all degrees of freedom
     # (6 n, N) sparse: what other frames add in corners that count from other frames than the first; None for nothing
     beyond: sparse.csr_array | None
 
@@ -155,31 +156,30 @@ class Differences:
     @cached_property
     def _factors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Factors in the differences of corners 1, 2: of own and first values (n, 2, 3), of ∇Φ₀ in Φ (n, 2, 2)."""
-        table, k = self.corners.values, np.arange(_CORNERS)
-        own, first = (table[:, k, at].reshape(-1, 2, 3) for at in (3 + k, k % 3))
-        return own, first, np.ascontiguousarray(table[:, ::3, 1:3])
+        k = np.arange(_CORNERS)
+        own, first = (self.corners[:, k, at].reshape(-1, 2, 3) for at in (3 + k, k % 3))
+        return own, first, np.ascontiguousarray(self.corners[:, ::3, 1:3])
 
     def magnitudes(self, sizes: FloatArray) -> FloatArray:
         """`apply` with + for every −: bounds (n, k) of the numbers subtracted in w, from |u| (N,)."""
-        corners = self.corners._replace(values=np.abs(self.corners.values))
         beyond = None if self.beyond is None else abs(self.beyond)
-        return replace(self, corners=corners, beyond=beyond).apply(sizes)
+        return replace(self, corners=np.abs(self.corners), beyond=beyond).apply(sizes)
 
     def adjoint(self, w: FloatArray) -> FloatArray:
         """The transposed map from w (n, k) to degrees of freedom (N,)."""
-        at_corners = (w[:, None, :_CORNERS] @ self.corners.values)[:, 0]
+        at_corners = (w[:, None, :_CORNERS] @ self.corners)[:, 0]
         on_dofs = np.concatenate([at_corners, self.units * w[:, _CORNERS:]], axis=1)
-        total = np.bincount(self.dofs.ravel(), on_dofs.ravel(), self.corners.size).astype(np.float64, copy=False)
+        total = np.bincount(self.dofs.ravel(), on_dofs.ravel(), self.size).astype(np.float64, copy=False)
         return total if self.beyond is None else total + self.beyond.T @ w[:, :_CORNERS].ravel()
 
     def expanded(self, rows: FloatArray) -> FloatArray:
         """Rows on w (n, r, k) as rows on each triangle's degrees of freedom (n, r, shared), without `beyond`."""
-        on_corners = rows[:, :, :_CORNERS] @ self.corners.values
+        on_corners = rows[:, :, :_CORNERS] @ self.corners
         return np.concatenate([on_corners, rows[:, :, _CORNERS:] * self.units[:, None]], axis=2)
 
     def all_rows(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> sparse.csr_array:
         """Rows on w (n, r, k), of t of the triangles, as a matrix on u (t r, N)."""
-        matrix = Functionals(self.dofs[triangles], self.expanded(rows)[triangles], self.corners.size).matrix()
+        matrix = Functionals(self.dofs[triangles], self.expanded(rows)[triangles], self.size).matrix()
         if self.beyond is None:
             return matrix
         places = np.arange(_CORNERS * len(self.dofs)).reshape(-1, _CORNERS)
@@ -240,8 +240,8 @@ class StressSpace(PicklesFields):
         values: FloatArray = np.zeros((len(corners), _CORNERS, 9))
         values[:, each, 3 + each], values[:, each, each % 3] = 1.0, -1.0
         values[:, ::3, 1:3] = corners[:, :1] - corners[:, 1:]
-        in_corners = Functionals(self.dofs[:, :9], values * units[:, None, :9], self.size)
-        return Differences(in_corners, self.dofs, units[:, 9:], frames.beyond(self.units))
+        values *= units[:, None, :9]
+        return Differences(values, self.dofs, units[:, 9:], self.size, frames.beyond(self.units))
 
     @cached_property
     def frames(self) -> Frames:

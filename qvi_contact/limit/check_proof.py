@@ -127,28 +127,25 @@ def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
 def demand_plane(proof: dict[str, Any]) -> None:
     """`ValueError` if triangles overlap: two layers would carry twice the load of a plane body.
 
-    Triangles whose boxes overlap have no inner point in common if a line along an edge of one separates them.
+    Two triangles whose boxes overlap have no inner point in common if a line along an edge of one separates them.
     """
-    corners = [[proof["vertices"][n] for n in names] for names in proof["triangles"]]
-    boxes = [[(min(along), max(along)) for along in zip(*each, strict=True)] for each in corners]
-    reached = list[int]()  # triangles that begin farther left and end farther right
-    for t in sorted(range(len(corners)), key=boxes.__getitem__):
-        (left, _), (low, high) = boxes[t]
-        reached = [other for other in reached if boxes[other][0][1] > left]
-        for other in reached:
-            if boxes[other][1][0] < high and low < boxes[other][1][1]:
-                pair = corners[t], corners[other]
-                demand(separates(*pair) or separates(*pair[::-1]), f"triangles {other} and {t} overlap")
-        reached.append(t)
+    reached = list[Any]()  # triangles that begin farther left and end farther right, with their ranges of y
+    for corners in sorted(sorted(proof["vertices"][n] for n in names) for names in proof["triangles"]):
+        low, _, high = sorted(y for _, y in corners)
+        reached = [each for each in reached if each[0][2][0] > corners[0][0]]
+        for other, lower, upper in reached:
+            is_apart = lower >= high or low >= upper or separates(corners, other) or separates(other, corners)
+            demand(is_apart, f"triangles overlap at ({', '.join(map(str, corners[0]))})")
+        reached.append((corners, low, high))
 
 
 def separates(triangle: list[Any], other: list[Any]) -> bool:
     """Whether the line along an edge of a triangle has the other triangle on its other side."""
-    for start, stop, opposite in (triangle, triangle[1:] + triangle[:1], triangle[2:] + triangle[:2]):
-        side = cross(less(stop, start), less(opposite, start))
-        if all(side * cross(less(stop, start), less(corner, start)) <= 0 for corner in other):
-            return True
-    return False
+    a, b, c = triangle
+    return any(
+        all(cross(less(q, p), less(r, p)) * cross(less(q, p), less(corner, p)) <= 0 for corner in other)
+        for p, q, r in ((a, b, c), (b, c, a), (c, a, b))
+    )
 
 
 def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[int, Any, Fraction, Any, dict[Any, Any]]]:
