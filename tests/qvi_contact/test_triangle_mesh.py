@@ -43,12 +43,6 @@ class TestTopology:
         assert other_sense.with_region("steel", [0]).with_joint("seam", [(0, 2)]).topology is other_sense.topology
         assert repr(square().part([0])) == "<TriangleMesh: 1 triangle with 3 vertices, body of 1 × 1>"
 
-    def test_normals_point_out_of_the_body(self):
-        mesh = l_shape()
-        for name, normal in (("bottom", (0, -1)), ("right", (1, 0)), ("top", (0, 1)), ("left", (-1, 0))):
-            found = mesh.edges(name).normal
-            assert found == pytest.approx(np.broadcast_to(normal, found.shape))
-
     def test_outlines_run_around_the_body_and_its_holes(self):
         mesh = TriangleMesh.grid(np.arange(4.0), np.arange(4.0), np.arange(9).reshape(3, 3) != 4)
         outer, inner = mesh.outlines
