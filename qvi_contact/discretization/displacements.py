@@ -335,7 +335,7 @@ def in_lines(vectors: FloatArray, places: IntArray, straight: BoolArray) -> Floa
     return aligned
 
 
-def aligned(parts: Sequence[tuple[FloatArray, Edges, bool]]) -> list[FloatArray]:
+def all_in_lines(parts: Sequence[tuple[FloatArray, Edges, bool]]) -> list[FloatArray]:
     """Unit vectors (n, 2) of several sets of edges, by `in_lines`; vectors that turn along an arc are not changed."""
     vectors = np.concatenate([np.empty((0, 2)), *(each for each, _, _ in parts)])
     ends = [np.stack([edges.first, edges.second], axis=1) for _, edges, _ in parts]
@@ -352,7 +352,7 @@ def contact_edges(problem: ContactProblem) -> dict[str, Edges]:
     straight, alone = dict[str, Edges](), [[each] for each in problem.contacts if not bears_shear(each)]
     for group in filter(None, ([each for each in problem.contacts if bears_shear(each)], *alone)):
         edges = [problem.mesh.edges(each.edges) for each in group]
-        parts = iter(aligned([(part, each, True) for each in edges for part in (each.tangent, each.normal)]))
+        parts = iter(all_in_lines([(part, each, True) for each in edges for part in (each.tangent, each.normal)]))
         for contact, each in zip(group, edges, strict=True):
             straight[contact.name] = replace(each, tangent=next(parts), normal=next(parts))
     return straight
@@ -406,9 +406,11 @@ def supports(
     edges_of = contact_edges(problem)
     rough_edges = [edges_of[each.name] for each in problem.contacts if bears_shear(each)]
     along_contacts = [(part, each, True) for each in rough_edges for part in (each.tangent, each.normal)]
-    directions = aligned([*along_contacts, *((each.direction, each.edges, each.turns) for each in conditions)])
+    directions = all_in_lines([*along_contacts, *((each.direction, each.edges, each.turns) for each in conditions)])
     directions = directions[len(along_contacts) :]
-    if any(np.abs(d - each.direction).max() > PARALLEL for d, each in zip(directions, conditions, strict=True)):
+    if any(
+        np.abs(d - each.direction).max(initial=0.0) > PARALLEL for d, each in zip(directions, conditions, strict=True)
+    ):
         reasons.append(ROUNDED)
     # rows C v = d of each condition
     for given, direction in zip(conditions, directions, strict=True):
