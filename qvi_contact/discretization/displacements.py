@@ -22,6 +22,7 @@ prescribed tractions, v = B z + v₀. Two directions at a coefficient prescribe 
 arcs: there the inner coefficients are those of the polynomials n·v and t·v, see `components_along`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from typing import Final
@@ -334,6 +335,15 @@ def in_lines(vectors: FloatArray, places: IntArray, straight: BoolArray) -> Floa
     return aligned
 
 
+def all_in_lines(parts: Sequence[tuple[FloatArray, Edges, bool]]) -> list[FloatArray]:
+    """Unit vectors (n, 2) of several sets of edges, by `in_lines`; vectors that turn along an arc are not changed."""
+    vectors = np.concatenate([np.empty((0, 2)), *(each for each, _, _ in parts)])
+    ends = [np.stack([edges.first, edges.second], axis=1) for _, edges, _ in parts]
+    bent = np.concatenate([np.empty(0, bool), *(edges.bent & turns for _, edges, turns in parts)])
+    directions = in_lines(vectors, np.concatenate([np.empty((0, 2), np.int64), *ends]), ~bent)
+    return np.split(directions, np.cumsum([len(each) for each in ends]))[: len(parts)]
+
+
 def contact_edges(problem: ContactProblem) -> dict[str, Edges]:
     """The edges of each contact, with equal directions along each line that rounded coordinates bend.
 
@@ -342,11 +352,7 @@ def contact_edges(problem: ContactProblem) -> dict[str, Edges]:
     straight, alone = dict[str, Edges](), [[each] for each in problem.contacts if not bears_shear(each)]
     for group in filter(None, ([each for each in problem.contacts if bears_shear(each)], *alone)):
         edges = [problem.mesh.edges(each.edges) for each in group]
-        vectors = np.concatenate([part for each in edges for part in (each.tangent, each.normal)])
-        both = [np.column_stack([each.first, each.second, each.bent]) for each in edges for _ in range(2)]
-        first, second, bent = np.concatenate(both).T
-        directions = in_lines(vectors, np.stack([first, second], axis=1), bent == 0)
-        parts = iter(np.split(directions, np.cumsum([len(each) for each in both])))
+        parts = iter(all_in_lines([(part, each, True) for each in edges for part in (each.tangent, each.normal)]))
         for contact, each in zip(group, edges, strict=True):
             straight[contact.name] = replace(each, tangent=next(parts), normal=next(parts))
     return straight
@@ -397,25 +403,18 @@ def supports(
     columns, entries = [np.empty((0, width), np.int64)], [np.empty((0, 1, width))]
     values, places = [np.empty(0)], [np.empty(0, np.int64)]  # d, and the coefficient of each row; −1 inside arcs
     conditions = problem.prescribed(Displacement)
-    original, ends, bends = [np.empty((0, 2))], [np.empty((0, 2), np.int64)], [np.empty(0, bool)]
     edges_of = contact_edges(problem)
     rough_edges = [edges_of[each.name] for each in problem.contacts if bears_shear(each)]
-    for vectors, edges, turns in (
-        *((vectors, each, True) for each in rough_edges for vectors in (each.tangent, each.normal)),
-        *((given.direction, given.edges, given.turns) for given in conditions),
+    along_contacts = [(part, each, True) for each in rough_edges for part in (each.tangent, each.normal)]
+    directions = all_in_lines([*along_contacts, *((each.direction, each.edges, each.turns) for each in conditions)])
+    directions = directions[len(along_contacts) :]
+    if any(
+        np.abs(d - each.direction).max(initial=0.0) > PARALLEL for d, each in zip(directions, conditions, strict=True)
     ):
-        original.append(vectors)
-        ends.append(np.stack([edges.first, edges.second], axis=1))
-        bends.append(edges.bent & turns)
-    directions = in_lines(np.concatenate(original), np.concatenate(ends), ~np.concatenate(bends))
-    # parts of the conditions follow two for each contact; the last part is empty
-    parts, first = np.split(directions, np.cumsum([len(part) for part in original[1:]])), 2 * len(rough_edges)
-    change = np.abs(directions - np.concatenate(original))[sum(map(len, parts[:first])) :]
-    if change.max(initial=0.0) > PARALLEL:
         reasons.append(ROUNDED)
     # rows C v = d of each condition
-    for given, direction, bent in zip(conditions, parts[first:], bends[first + 1 :], strict=False):
-        edges, numbers = given.edges, space.along(given.edges)
+    for given, direction in zip(conditions, directions, strict=True):
+        edges, numbers, bent = given.edges, space.along(given.edges), given.edges.bent & given.turns
         data, error = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
         if error > MISFIT * max(1.0, float(np.abs(data).max(initial=0.0))):
             reasons.append(

@@ -100,18 +100,18 @@ def held_stress(problem: ContactProblem) -> float:
     return float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max())
 
 
-def _sampled(
-    problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None
-) -> FloatArray:
+def _sampled(problem: ContactProblem, edges: Edges, name: str, value: Field) -> FloatArray:
     """Values of a field at the `PLACES` of edges (n, q); (n, 1) for a constant."""
     if not callable(value):
         return np.full((len(edges), 1), float(value))
-    return evaluate(name, value, *problem.mesh.points_along(edges, PLACES), minimum=minimum)
+    return evaluate(name, value, *problem.mesh.points_along(edges, PLACES))
 
 
 def _largest(problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None) -> float:
     """The largest size of a field at the `PLACES` of edges."""
-    return float(np.abs(_sampled(problem, edges, name, value, minimum)).max()) if callable(value) else abs(value)
+    if not callable(value):
+        return abs(value)
+    return float(np.abs(evaluate(name, value, *problem.mesh.points_along(edges, PLACES), minimum=minimum)).max())
 
 
 def _forced(problem: ContactProblem) -> list[float]:

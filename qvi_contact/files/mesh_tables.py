@@ -13,9 +13,9 @@ from typing import Annotated, Any, Final, Literal
 import numpy as np
 
 from qvi_contact.basics import schema
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.curves import Curve, checked_bends, circle, ellipse, fitted
+from qvi_contact.mesh.curves import Curve, circle, ellipse, fitted
 from qvi_contact.mesh.grid import checked_lines, graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Point
 from qvi_contact.mesh.selection import checked_set, edges_in_box, edges_on_segment, new_name
@@ -284,8 +284,8 @@ class ArcTable:
     def on(self, mesh: TriangleMesh) -> Curve:
         """The curve that the edges of this table follow in the mesh."""
         if self.bends is not None:
-            edges = np.array(self.edges, dtype=np.int64).reshape(-1, 2)
-            return Curve(edges, checked_bends("bends", self.bends, len(edges))).checked("", mesh.topology)
+            bends = real_array("bends", self.bends, "give rows of as many numbers")
+            return Curve(np.array(self.edges, dtype=np.int64).reshape(-1, 2), bends).checked("", mesh.topology)
         if self.name is not None:
             return self.curve(mesh.pairs(self.name), mesh.vertices)
         return self.curve(mesh.topology.ends[checked_set("edges", self.edges or [], mesh.topology)], mesh.vertices)

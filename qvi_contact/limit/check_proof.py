@@ -1,10 +1,10 @@
 """Checks proofs of bounds of a limit load: ``python check_proof.py FILE``.
 
 The script needs nothing but Python's standard library, and all of its arithmetic is exact. The file states a body of
-straight triangles, loads, strengths and contact laws. Triangles are joined by pairs of vertices that they share; an
-edge of one triangle without a load or contact is held. Tractions on edges are multiplied by the length of the edge.
-Conditions on polynomials on triangles and edges are checked at their Bernstein ordinates: the values of a polynomial
-are convex combinations of these.
+straight triangles that do not overlap, loads, strengths and contact laws. Triangles are joined by pairs of vertices
+that they share; an edge of one triangle without a load or contact is held. Tractions on edges are multiplied by the
+length of the edge. Conditions on polynomials on triangles and edges are checked at their Bernstein ordinates: the
+values of a polynomial are convex combinations of these.
 
 **The lower factor.** Stresses in equilibrium with the body force b, div σ + b = 0, carry the loads times "factor" if
 tractions agree across every edge and with prescribed tractions, if the resultants on a plate are its forces and its
@@ -47,6 +47,7 @@ def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | No
     vectors += [contact["pivot"] for contact in proof["contacts"]]
     demand(all(len(each) == 2 for each in vectors), "a vertex, direction or pivot has not two coordinates")
     demand(all(gamma2 >= 0 for cones in proof["strengths"] for _, _, gamma2 in cones), "a strength has a negative γ²")
+    demand_plane(proof)
     lower = carried(proof, counted) if "stress" in proof else None
     upper = exceeded(proof, counted) if "flow" in proof else None
     demand(lower is None or upper is None or lower <= upper, "the factors contradict each other")
@@ -121,6 +122,30 @@ def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
     dead, live = map(sum, zip(*powers, strict=True))
     demand(live > 0 or (live == 0 and spent < dead), "the flow has no power of the loads")
     return (spent - dead) / live if live > 0 else -inf
+
+
+def demand_plane(proof: dict[str, Any]) -> None:
+    """`ValueError` if triangles overlap: two layers would carry twice the load of a plane body.
+
+    Two triangles whose boxes overlap have no inner point in common if a line along an edge of one separates them.
+    """
+    reached = list[Any]()  # triangles that begin farther left and end farther right, with their ranges of y
+    for corners in sorted(sorted(proof["vertices"][n] for n in names) for names in proof["triangles"]):
+        low, _, high = sorted(y for _, y in corners)
+        reached = [each for each in reached if each[0][2][0] > corners[0][0]]
+        for other, lower, upper in reached:
+            is_apart = lower >= high or low >= upper or separates(corners, other) or separates(other, corners)
+            demand(is_apart, f"triangles overlap at ({', '.join(map(str, corners[0]))})")
+        reached.append((corners, low, high))
+
+
+def separates(triangle: list[Any], other: list[Any]) -> bool:
+    """Whether the line along an edge of a triangle has the other triangle on its other side."""
+    a, b, c = triangle
+    return any(
+        all(cross(less(q, p), less(r, p)) * cross(less(q, p), less(corner, p)) <= 0 for corner in other)
+        for p, q, r in ((a, b, c), (b, c, a), (c, a, b))
+    )
 
 
 def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[int, Any, Fraction, Any, dict[Any, Any]]]:

@@ -13,7 +13,6 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legint, legvander
-from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, real_array
 from qvi_contact.element.edge import gauss_legendre, legendre_from_values
@@ -43,29 +42,26 @@ class Curve:
         """The curve with its edges in the order of the topology, each from the vertex of lower number.
 
         `InputError` if the mesh has no such edge, an edge is given twice, or `coefficients` is not one row of angles
-        per edge. The field in the error begins with `name`.
+        from the chord, at most π, per edge. The field in the error begins with `name`.
         """
         chosen, pairs = checked_set(name or "edges", self.edges, topology), np.asarray(self.edges)
-        bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(pairs))
+        field = f"{name}.bends" if name else "bends"
+        bends = real_array(field, self.coefficients, "give an array of numbers, one row for each edge")
+        if bends.ndim != 2 or len(bends) != len(pairs) or not bends.shape[1]:
+            raise InputError(field, f"shape {bends.shape}", f"give {len(pairs)} rows of numbers, one for each edge")
+        if not (np.abs(bends) <= np.pi).all():
+            raise InputError(
+                field, float(np.abs(bends).max()), "give angles [rad] from the chord, numbers from -π to π"
+            )
+        difference = float(np.abs(levelled(bends) - bends).max())
+        if difference > _CHORD_TOLERANCE:
+            remedy = "these angles count from a line that is this angle [rad] off the chord: correct it"
+            raise InputError(field, difference, remedy)
         if len(chosen) != len(bends):
             raise InputError(name or "edges", len(bends), "an edge is given twice: give each once")
         is_reversed = pairs[:, 0] > pairs[:, 1]
         bends = np.where(is_reversed[:, None], reversed_bends(bends), bends)
         return Curve(topology.ends[chosen], bends[np.argsort(topology.number(pairs))])
-
-
-def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
-    """Bends (count, n) of edges, checked: one row per edge, of angles from the chord, at most π."""
-    bends = real_array(field, given, "give an array of numbers, one row for each edge")
-    if bends.ndim != 2 or len(bends) != count or not bends.shape[1]:
-        raise InputError(field, f"shape {bends.shape}", f"give {count} rows of numbers, one for each edge")
-    if not (np.abs(bends) <= np.pi).all():
-        raise InputError(field, float(np.abs(bends).max()), "give angles [rad] from the chord, numbers from -π to π")
-    difference = float(np.abs(levelled(bends) - bends).max())
-    if difference > _CHORD_TOLERANCE:
-        remedy = "these angles count from a line that is this angle [rad] off the chord: correct it"
-        raise InputError(field, difference, remedy)
-    return bends
 
 
 def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray, field: str = "") -> Curve:

@@ -103,21 +103,29 @@ def refuse_flaws(mesh: MeshParts) -> None:
 
 
 def refuse_overlap(mesh: MeshParts) -> None:
-    """`InputError` where two sides of the body cross, arcs as lines of many chords: the body lies on itself there."""
-    topology = mesh.topology
-    ends, bends = mesh.vertices[topology.ends[topology.outer]], mesh.bends[topology.outer]
-    is_arc, chord = bends.any(axis=1), ends[:, 1] - ends[:, 0]
-    arcs = ends[is_arc, :1] + arc_offsets(chord[is_arc], bends[is_arc], np.linspace(0.0, 1.0, _CHORDS + 1))
-    arcs[:, -1] = ends[is_arc, 1]  # without rounding, so that neighbours do not cross
-    segments = np.concatenate([ends[~is_arc], np.stack([arcs[:, :-1], arcs[:, 1:]], axis=2).reshape(-1, 2, 2)])
-    lengths, farthest = np.hypot(*(segments[:, 1] - segments[:, 0]).T), float(np.abs(mesh.vertices).max())
-    crossed = crossing(segments, np.maximum(_MAX_ROUNDING * lengths, 16.0 * np.finfo(float).eps * farthest))
-    if len(crossed):
-        remedy = (
-            "two sides of the body cross around this point, so the body overlaps itself: correct the vertices there, "
-            "or divide arcs into shorter edges"
-        )
-        raise InputError("TriangleMesh", place_of(segments[crossed.min()].mean(axis=0)), remedy)
+    """`InputError` where two sides of the body cross, arcs as lines of chords: the body lies on itself there.
+
+    Chords of arcs with a thin gap may cross where the arcs do not. The sides in question are compared once more, by
+    chords so short that each turns from its arc by less than twice the angle that counts as rounding.
+    """
+    numbers = mesh.topology.outer
+    for count in (_CHORDS, _CHORDS**3):
+        ends, bends = mesh.vertices[mesh.topology.ends[numbers]], mesh.bends[numbers]
+        is_arc, chord = bends.any(axis=1), ends[:, 1] - ends[:, 0]
+        arcs = ends[is_arc, :1] + arc_offsets(chord[is_arc], bends[is_arc], np.linspace(0.0, 1.0, count + 1))
+        arcs[:, -1] = ends[is_arc, 1]  # without rounding, so that neighbours do not cross
+        segments = np.concatenate([ends[~is_arc], np.stack([arcs[:, :-1], arcs[:, 1:]], axis=2).reshape(-1, 2, 2)])
+        lengths, farthest = np.hypot(*(segments[:, 1] - segments[:, 0]).T), float(np.abs(mesh.vertices).max())
+        crossed = crossing(segments, np.maximum(_MAX_ROUNDING * lengths, 16.0 * np.finfo(float).eps * farthest))
+        if not len(crossed):
+            return
+        side = np.concatenate([numbers[~is_arc], np.repeat(numbers[is_arc], count)])
+        numbers = np.unique(side[crossed])
+    remedy = (
+        "two sides of the body cross around this point, so the body overlaps itself: correct the vertices there, or "
+        "divide arcs into shorter edges"
+    )
+    raise InputError("TriangleMesh", place_of(segments[crossed.min()].mean(axis=0)), remedy)
 
 
 def _refuse(is_wrong: BoolArray, numbers: IntArray, remedy: str, places: FloatArray) -> None:

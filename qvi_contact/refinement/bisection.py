@@ -30,7 +30,7 @@ from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, by_cell
-from qvi_contact.refinement.measure import FORCES, Measure
+from qvi_contact.refinement.measure import FORCES, PLATE_FORCES, Measure
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History, solve_history
 from qvi_contact.solution.result import ContactResult
@@ -224,7 +224,8 @@ class TriangleRefinement:
         if isinstance(answer, History):
             return None
         is_rough, is_asked = any(map(has_coulomb, answer.problem.contacts)), self.settings.guaranteed
-        if not (self.measure.kind in FORCES and is_asked if is_rough else self.measure.bounded):
+        kinds = (FORCES if is_asked else ()) if is_rough else ("energy", *FORCES, *PLATE_FORCES)
+        if self.measure.kind not in kinds:
             return None
         if is_asked:  # states may change after the first time
             have_failed = any(is_useless(one.answer) and is_useless(next_.answer) for one, next_ in pairwise(earlier))

@@ -40,7 +40,7 @@ from solvers.errors import known_name
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
 FORCES: Final = ("normal_force", "tangential_force")
-_PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
+PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
 _MOTIONS: Final = ("x", "y", "rotation")
 _ENERGIES: Final = ("energy", "dissipation")
 _UNITS: Final = {
@@ -75,11 +75,6 @@ class Measure:
         least = Rounding.of(scales.stress, scales.displacement, scales.length, _SMALL)
         return max(abs(value), getattr(least, _UNITS.get(self.kind, "force")) if self.kind else 0.0)
 
-    @property
-    def bounded(self) -> bool:
-        """Whether a bracket may bound it."""
-        return self.kind in ("energy", *FORCES, *_PLATE_FORCES)
-
     @classmethod
     def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
         """The measure with a name of `refine`, or of a function; `InputError` if there is no such name."""
@@ -101,7 +96,7 @@ class Measure:
         names = [*_ENERGIES, *(f"{name}(x, y)" for name in COMPONENTS)]
         for contact in problem.contacts:
             kinds = [*FORCES, "largest_pressure", "slip(x, y)"]
-            kinds += [*_PLATE_FORCES, *_MOTIONS] if contact.name in plates else []
+            kinds += [*PLATE_FORCES, *_MOTIONS] if contact.name in plates else []
             names += [f"{contact.name}.{kind}" for kind in kinds]
         extremes = f"largest or smallest along edges, as in {next(iter(lines), 'EDGES')}.largest_von_mises"
         known_name("quantity", quantity if point is None else f"{base_name}(x, y)", {"numbers": names}, extremes)
@@ -142,8 +137,8 @@ def _number(result: ContactResult, owner: str, kind: str) -> float:
         return float(result.energies.complementary if kind == "energy" else result.energies.dissipation)
     if kind in FORCES:
         return float(getattr(result.contacts[owner], kind))
-    if kind in _PLATE_FORCES:
-        return float(getattr(result.plate_force(owner), _PLATE_FORCES[kind]))
+    if kind in PLATE_FORCES:
+        return float(getattr(result.plate_force(owner), PLATE_FORCES[kind]))
     return float(getattr(result.plates[owner], kind))
 
 
@@ -228,7 +223,7 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     _check_side(side)
     measure = Measure.of(result.problem, quantity)
     at_point = measure.point and measure.kind in ("xx", "yy", "xy", "slip")
-    if not at_point and measure.kind not in (*FORCES, *_PLATE_FORCES, *_MOTIONS):  # no affine function of the solution
+    if not at_point and measure.kind not in (*FORCES, *PLATE_FORCES, *_MOTIONS):  # no affine function of the solution
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)
     discretization = result.discretization
@@ -283,7 +278,7 @@ def _paths(problem: ContactProblem, *, limit: bool = False) -> Iterator[tuple[st
             of_plate: list[str] = []
             if not limit:
                 names += ["gap", "offset", *(name for name in SPRINGS if not callable(getattr(condition, name)))]
-                of_plate += [*_MOTIONS, *_PLATE_FORCES]
+                of_plate += [*_MOTIONS, *PLATE_FORCES]
             paths: list[_Path] = [(name,) for name in names if getattr(condition, name) is not None]
             paths += [("plate", name) for name in of_plate if getattr(condition.plate, name, None) is not None]
             yield from ((f"{condition.name}.{path[-1]}", (*start, *path)) for path in paths)

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
@@ -261,6 +262,18 @@ def test_what_is_no_statement_is_refused(place, value, told):
     proof = block_on_the_ground(1, [0, "1/1000"])
     reduce(getitem, place[:-1], proof)[place[-1]] = value
     with pytest.raises(ValueError, match=told):
+        check(proof)
+
+
+@pytest.mark.parametrize("moved", [(1, 0), (-1, "1e-9"), (0, 0), ("1/3", "1/5")])
+def test_two_layers_are_no_plane_body(moved):
+    """Of two blocks in one place each carries all of the load; side by side each has its own."""
+    proof, (right, up) = block_on_the_ground(1, [0, 0]), map(Fraction, moved)
+    proof["vertices"] += [[x + right, y + up] for x, y in proof["vertices"]]
+    proof["triangles"] += [[n + 4 for n in names] for names in proof["triangles"]]
+    proof |= {"strength_of": [0] * 4, "stress": proof["stress"] | {"ordinates": [[[0, 0, 0]] * 3] * 4}}
+    del proof["flow"]
+    with nullcontext() if abs(right) == 1 else pytest.raises(ValueError, match="triangles overlap"):
         check(proof)
 
 
