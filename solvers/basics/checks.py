@@ -62,7 +62,7 @@ def mapping(field: str, value: object, what: str, *, optional: bool = False) -> 
 
 def true_or_false(field: str, value: object) -> bool:
     """`value` as a bool; `InputError` unless it is True, False, 1 or 0."""
-    if not isinstance(value, bool | np.bool_ | int) or value not in (0, 1):
+    if not isinstance(value, bool | np.bool_ | int | np.integer) or value not in (0, 1):
         raise InputError(field, value, "give True or False")
     return bool(value)
 

@@ -303,6 +303,18 @@ HUGE = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int64])
+def test_integers_of_numpy_are_integers(kind, tmp_path):
+    for options in ({"method": "fixed-point", "memory": 3, "patience": 100}, {"max_iterations": 100, "degree": 4}):
+        solve_sweep(PLATE, "friction", [0.3], store=tmp_path / "a", **options)  # the same sweep, or it is refused
+        own = {name: kind(value) if isinstance(value, int) else value for name, value in options.items()}
+        assert solve_sweep(PLATE, "friction", [0.3], store=tmp_path / "a", **own).status == "solved"
+        (tmp_path / "a").unlink()
+    assert solve(PLATE, throw=kind(1), method="fixed-point", memory=kind(3)).status == "solved"
+    assert masonry_wall(kind(3), kind(4), openings=()).mesh.same_as(masonry_wall(3, 4, openings=()).mesh)
+    assert jointed_slope(kind(5), kind(2)).mesh.same_as(jointed_slope(5, 2).mesh)
+
+
 VALUES = {
     "values": (lambda values: solve_sweep(PLATE, "friction", values), [[True], (0.1, True), [np.nan], [], [[0.1]]]),
     "displacement": (lambda loop: loop_area(loop, [1.0]), [[np.nan], [-np.inf], 1.0]),
