@@ -23,14 +23,6 @@ STARTED: Final = ("condensed", "fixed-point")
 """Methods that take `initial`: both take a state, the fixed point a pressure too."""
 
 
-def _make_whole(options: object, *names: str) -> None:
-    """Make the named options ints: NumPy's small integers overflow, and not all libraries take them."""
-    from solvers.basics.checks import whole_number
-
-    for name in names:
-        object.__setattr__(options, name, whole_number(name, getattr(options, name)))
-
-
 @dataclass(frozen=True, kw_only=True)
 class CondensedOptions:
     """Options of the condensed method; `initial` is a `Start` near which it begins.
@@ -49,10 +41,10 @@ class CondensedOptions:
     one with fewer operations: `system = "sparse"`."""
 
     def __post_init__(self) -> None:
-        from solvers.basics.checks import fraction, one_of
+        from solvers.basics.checks import fraction, one_of, whole_number
 
         fraction("gap", self.gap)
-        _make_whole(self, "max_iterations")
+        whole_number("max_iterations", self.max_iterations)
         if self.initial is not None:
             from solvers.solution import Start
 
@@ -89,13 +81,14 @@ class FixedPointOptions:
     they do not know."""
 
     def __post_init__(self) -> None:
-        from solvers.basics.checks import finite_number, fraction, one_of
+        from solvers.basics.checks import finite_number, fraction, one_of, whole_number
 
         one_of("variant", self.variant, ("plain", "damped", "anderson"))
         one_of("form", self.form, ("auto", "full", "condensed"))
         if not 0 < finite_number("damping", self.damping) <= 1:
             raise InputError("damping", self.damping, "give a number in (0, 1]")
-        _make_whole(self, "memory", "max_iterations", "patience")
+        for name in ("memory", "max_iterations", "patience"):
+            whole_number(name, getattr(self, name))
         if self.inner_tolerance is not None:
             fraction("inner_tolerance", self.inner_tolerance)
 
@@ -118,14 +111,14 @@ class UzawaOptions:
     """Uzawa: exact number of iterations, without any test (30 in the paper): `iterations = 30`."""
 
     def __post_init__(self) -> None:
-        from solvers.basics.checks import one_of, positive_number
+        from solvers.basics.checks import one_of, positive_number, whole_number
 
         one_of("rule", self.rule, ("printed", "accumulating"))
         positive_number("omega_T", self.omega_T)
-        _make_whole(self, "max_iterations", *(["iterations"] if self.iterations is not None else []))
-        for name in ("omega_N", "step_decay"):
+        whole_number("max_iterations", self.max_iterations)
+        for name in ("omega_N", "step_decay", "iterations"):
             if getattr(self, name) is not None:
-                positive_number(name, getattr(self, name))
+                (whole_number if name == "iterations" else positive_number)(name, getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +128,9 @@ class PivotingOptions:
     max_iterations: int = 1000
 
     def __post_init__(self) -> None:
-        _make_whole(self, "max_iterations")
+        from solvers.basics.checks import whole_number
+
+        whole_number("max_iterations", self.max_iterations)
 
 
 OPTIONS: Final[Mapping[str, Any]] = {

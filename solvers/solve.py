@@ -229,7 +229,7 @@ class Search:
         self.method, self.certificate, self.timings = "", Certificate({}, 1.0), dict[str, float]()  # of the last method
         self.run: CondensedRun | None = None  # the latest run of the condensed method
         self._began = time.perf_counter()
-        self._given = dict(settings.options)
+        self._given = {name: int(own) if isinstance(own, np.integer) else own for name, own in settings.options.items()}
         self.start: Start | None = None  # the state `initial`
         self._pressure: Vector | None = None  # the pressure `initial`, or that of the state
         if initial is not None and settings.takes_state:
@@ -242,7 +242,7 @@ class Search:
                 self._given["initial"] = start
 
     def options(self, kind: type[Options]) -> Options:
-        """Options of the current method, made of the given ones that it has."""
+        """Options of the current method, made of the given ones that it has; NumPy's integers, which overflow, as ints."""
         return kind(**{name: value for name, value in self._given.items() if name in kind.__dataclass_fields__})
 
     def try_ways(self, *ways: Way, why: str = "") -> bool:
@@ -298,11 +298,11 @@ class Search:
         Each method may take as long as the first one took, see `LEAST_SECONDS`.
         """
         later = [way for way in ATTEMPTS[1:] if way.method != first.method and way.serves(self.qvi)]
-        limit = self.settings.options.get("max_iterations")
-        is_spent, is_over = limit is not None and first.iterations >= limit, deadline.over
+        limit = self._given.get("max_iterations")
+        is_spent = limit is not None and first.iterations >= limit
         if is_spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
-        if is_over:
+        if deadline.over:
             return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
