@@ -242,7 +242,7 @@ class Search:
                 self._given["initial"] = start
 
     def options(self, kind: type[Options]) -> Options:
-        """Options of the current method, made of the given ones that it has; NumPy's integers, which overflow, as ints."""
+        """Options of the current method, made of the given ones that it has; no integers of NumPy: these overflow."""
         return kind(**{name: value for name, value in self._given.items() if name in kind.__dataclass_fields__})
 
     def try_ways(self, *ways: Way, why: str = "") -> bool:

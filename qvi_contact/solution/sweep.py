@@ -514,15 +514,15 @@ def _writing(
     if place.is_dir() or not place.name:
         raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
 
+    marked = f"{fingerprint}:{_digest(fingerprint, parameter, values)}"
+
     def declare(empty: sqlite3.Connection) -> None:
-        marked = f"{fingerprint}:{_digest(fingerprint, parameter, values)}"
         began = datetime.now(UTC).isoformat(timespec="seconds")
         empty.execute("INSERT INTO sweep VALUES (?, ?, ?)", (parameter, marked, began))
         empty.executemany("INSERT INTO planned VALUES (?, ?)", enumerate(values, 1))
 
     with _DATABASE.writing(place, declare) as connection:
         stored_parameter, stored_run, planned = _plan(connection, place)
-        marked = _mark(connection)
         if (stored_run, stored_parameter, planned) != (fingerprint, parameter, tuple(values)):
             remedy = f"holds another sweep, of {len(planned)} values, or data or options changed: give another file"
             raise InputError("store", str(path), remedy)
@@ -561,15 +561,9 @@ def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, t
     return parameter, run, values
 
 
-def _mark(connection: sqlite3.Connection) -> str:
-    """The fingerprint in a store; empty if somebody has deleted it."""
-    (marked,) = connection.execute("SELECT fingerprint FROM sweep").fetchone() or ("",)
-    return str(marked)
-
-
 def _stored(connection: sqlite3.Connection) -> Iterator[tuple[list[Any], list[tuple[Any, ...]], bool]]:
     """Each row that is done, from its number to its seconds; name and numbers of its contacts; whether it is intact."""
-    marked = _mark(connection)
+    (marked,) = connection.execute("SELECT fingerprint FROM sweep").fetchone() or ("",)
     for (*row, digest), parts in groupby(connection.execute(_DONE), lambda line: line[:8]):
         contacts = [part[8:] for part in parts if part[8] is not None]
         yield row, contacts, digest == _row_digest(marked, row, contacts)

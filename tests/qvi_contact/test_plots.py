@@ -42,7 +42,7 @@ from qvi_contact.problem import (
     Traction,
     stress_along_z,
 )
-from qvi_contact.solution import COMPONENTS, ContactLine, sample_body, stress_component, von_mises
+from qvi_contact.solution import ContactLine, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
 from tests.golden.problems import EXAMPLES
@@ -176,12 +176,10 @@ class TestField:
         drawn, _, points = self.inside(notched())
         stress = notched().stress(*points.T)
         assert drawn == pytest.approx(stress, rel=1e-9, abs=1e-8 * np.abs(stress).max())
-        named = {name: stress_component(stress, name) for name in COMPONENTS}
-        first, second, _ = principal_stresses(stress)
         xx, yy, xy = stress.T
-        mises = np.sqrt(xx**2 + yy**2 - xx * yy + 3 * xy**2)
-        wanted = {"xx": xx, "yy": yy, "xy": xy, "first": first, "second": second, "von_mises": mises}
-        assert {name: pytest.approx(values) for name, values in wanted.items()} == named
+        assert von_mises(stress) == pytest.approx(np.sqrt(xx**2 + yy**2 - xx * yy + 3 * xy**2))
+        for number, name in enumerate(("first", "second")):
+            assert (stress_component(stress, name) == principal_stresses(stress)[number]).all()
 
     def test_triangles_fill_the_body_and_nothing_else(self):
         samples = sample_body(notched(), 80)

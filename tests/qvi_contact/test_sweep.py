@@ -325,9 +325,9 @@ class TestChanged:
         "statements",
         ["UPDATE sweep SET parameter = 'gap'", "UPDATE sweep SET fingerprint = x'00'", "DELETE FROM sweep",
          "UPDATE planned SET value = 0.3 WHERE number = 2", "INSERT INTO planned VALUES (3, 0.3)",
-         "UPDATE results SET status = 'splendid'", "UPDATE results SET message = x'ff'",
-         "UPDATE contacts SET normal_force = 'great'", "UPDATE results SET seconds = 0", "DELETE FROM contacts",
-         "UPDATE contacts SET contact = x'ff'", "CREATE TABLE more (a)",
+         "UPDATE results SET status = 'splendid'", "UPDATE contacts SET normal_force = 'great'",
+         "UPDATE results SET seconds = 0", "DELETE FROM contacts", "UPDATE contacts SET contact = x'ff'",
+         "CREATE TABLE more (a)",
          "PRAGMA writable_schema = ON; UPDATE sqlite_master SET sql = 'CREAT' || CAST(x'f2' AS TEXT) || sql",
          "CREATE TRIGGER t AFTER INSERT ON results BEGIN DELETE FROM results; END"],
     )  # fmt: skip
