@@ -329,7 +329,6 @@ def jointed_slope(
     μ is divided by this factor. Source: E. Hoek and J. W. Bray, Rock Slope Engineering, plane failure.
     """
     rows, crest = whole_number("rows", rows, _MOST), whole_number("crest", crest, _MOST)
-    columns = rows + crest
     if crest >= rows:
         raise InputError("crest", crest, f"give less than rows = {rows}: the lowest plane must end in the crack")
     if not 5.0 <= finite_number("dip", dip) <= 60.0:
@@ -344,7 +343,7 @@ def jointed_slope(
         *(Symmetry(side) for side in ("front", "rear")),
         Displacement("underground", x=0.0, y=0.0),
     ]
-    mesh, material = _slope_mesh(rows, columns, (run, rise)), Material(1e7, 0.25, "strain")
+    mesh, material = _slope_mesh(rows, rows + crest, (run, rise)), Material(1e7, 0.25, "strain")
     return ContactProblem(mesh, material, conditions, body_potential=Polynomial([[0.0, 25.0]]))
 
 

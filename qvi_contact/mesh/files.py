@@ -125,9 +125,8 @@ def reading(field: str, path: Path) -> Iterator[BinaryIO]:
     except (Exception, SystemExit) as error:  # readers fail on broken files in many ways
         reason = " ".join(f"{getattr(error, 'strerror', None) or error} {stderr.getvalue()}".split())
         reason = reason or type(error).__name__
-        remedy = "write the file again"
-        if path.suffix.lower() in (".med", ".vtk", ".vtu"):
-            remedy += ", or as .msh: in Gmsh by File > Export, in its scripts by gmsh.write('NAME.msh')"
+        other = ", or as .msh: in Gmsh by File > Export, in its scripts by gmsh.write('NAME.msh')"
+        remedy = f"write the file again{other * (path.suffix.lower() in ('.med', '.vtk', '.vtu'))}"
         raise InputError(field, str(path), f"cannot be read ({reason}): {remedy}") from error
 
 

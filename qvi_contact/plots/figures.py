@@ -91,9 +91,7 @@ def result_figure(
     return figure
 
 
-def _lay_out(
-    figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, labels: Labels | None = None
-) -> None:
+def _lay_out(figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, labels: Labels) -> None:
     """Write title, answer and foot, and size the figure for the box (2, 2) [length], which grows to hold the texts."""
     body, *charts = figure.axes
     cell = body.get_subplotspec()
@@ -109,7 +107,7 @@ def _lay_out(
         figure.text(0.01, 1.0, style.plain_text(answer), va="top"),
         figure.text(0.01, 0.0, style.plain_text(foot), va="bottom", fontsize=6.0, color=style.GREY),
     ]
-    for _ in range(1 if labels is None else _PASSES):
+    for _ in range(_PASSES):
         across, up = box[1] - box[0]
         height = float(np.clip(_BODY * up / across, 1.5, 4.6))
         heights = [height + 0.75, *[_CHART] * len(charts)]
@@ -122,7 +120,7 @@ def _lay_out(
         body.set(xlim=box[:, 0], ylim=box[:, 1])
         body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
         body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
-        box = box if labels is None else labels.fit(box)
+        box = labels.fit(box)
 
 
 def _answer(result: ContactResult, ranked: Sequence[ContactLine], units: Units) -> str:
@@ -216,7 +214,7 @@ def _motion_figure(
         ends += draw_symbols(axes, problem, obstacles=True)
         axes.set_title(words, fontsize="small", loc="left")
         box = style.show_all(axes, np.concatenate(ends), units)
-        _lay_out(figure, box, title, answer, foot)
+        _lay_out(figure, box, title, answer, foot, Labels(axes))
     return figure
 
 

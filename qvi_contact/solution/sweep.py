@@ -537,10 +537,9 @@ def _writing(
                 for each in rows:
                     texts, numbers = (str(each.status), each.message), map(_as_stored, (each.accuracy, each.seconds))
                     row = each.number, _as_stored(each.value), *texts, each.iterations, *numbers
-                    contacts = [
-                        (name, *(_as_stored(summary.get(key)) for key in SUMMARY_COLUMNS))
-                        for name, summary in each.contacts.items()
-                    ]
+                    contacts = list[tuple[Any, ...]]()
+                    for name, summary in each.contacts.items():
+                        contacts.append((name, *(_as_stored(summary.get(key)) for key in SUMMARY_COLUMNS)))
                     columns = (row[0], *row[2:], _row_digest(marked, row, contacts))
                     connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?, ?)", columns)
                     connection.executemany(_CONTACT, [(each.number, *contact) for contact in contacts])

@@ -297,10 +297,9 @@ HUGE = {
 
 @pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int64])
 def test_integers_of_numpy_are_integers(kind, tmp_path):
-    for number in (int, kind):  # the same sweep, or the second is refused
+    for number in (kind, int):  # the same sweep, or the second is refused
         options = {name: number(value) for name, value in {"memory": 3, "max_iterations": 100, "degree": 4}.items()}
         solve_sweep(PLATE, "friction", [0.3], store=tmp_path / "a", throw=number(1), **options)
-    assert solve(PLATE, method="fixed-point", memory=kind(3)).status == "solved"
     assert masonry_wall(kind(3), kind(4), openings=()).mesh.same_as(masonry_wall(3, 4, openings=()).mesh)
     assert jointed_slope(kind(5), kind(2)).mesh.same_as(jointed_slope(5, 2).mesh)
 
@@ -316,7 +315,7 @@ VALUES = {
     "points": (lambda points: CUT.graded(points, 2), [[(2.0, 0.0)], [0.0, 1.0], [(np.nan, 0.0)]]),
     "openings": (lambda openings: masonry_wall(openings=openings), [
         ((0, 0, 2, 2),), ((3, 5, 2, 3),), ((10, 0, 2, 2),), ((2, 0, 2, 2), (4, 0, 2, 2)), ((1, 0, 2),),
-        ((1, 0, 1.5, 2),),
+        ((1, 0, 1.5, 2),), ((3, 0.0, 2, 4),),
     ]),
     "crest": (lambda crest: jointed_slope(crest=crest), [6]), "rows": (lambda rows: jointed_slope(rows=rows), [0]),
     "dip": (lambda dip: jointed_slope(dip=dip), [80.0]), "slip": (lambda slip: stick_slip_block(slip=slip), [0.0]),
