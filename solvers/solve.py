@@ -229,7 +229,8 @@ class Search:
         self.method, self.certificate, self.timings = "", Certificate({}, 1.0), dict[str, float]()  # of the last method
         self.run: CondensedRun | None = None  # the latest run of the condensed method
         self._began = time.perf_counter()
-        self._given = {name: int(own) if isinstance(own, np.integer) else own for name, own in settings.options.items()}
+        given = settings.options.items()
+        self._given: dict[str, Any] = {name: int(own) if isinstance(own, np.integer) else own for name, own in given}
         self.start: Start | None = None  # the state `initial`
         self._pressure: Vector | None = None  # the pressure `initial`, or that of the state
         if initial is not None and settings.takes_state:
