@@ -300,10 +300,10 @@ class Search:
         """
         later = [way for way in ATTEMPTS[1:] if way.method != first.method and way.serves(self.qvi)]
         limit = self._given.get("max_iterations")
-        is_spent = limit is not None and first.iterations >= limit
+        is_spent, is_over = limit is not None and first.iterations >= limit, deadline.over
         if is_spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
-        if deadline.over:
+        if is_over:
             return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"

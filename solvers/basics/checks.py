@@ -53,8 +53,7 @@ def one_of(field: str, value: object, choices: Sequence[str]) -> None:
 
 def mapping(field: str, value: object, what: str, *, optional: bool = False) -> Mapping[Any, Any]:
     """The value if it is a mapping, {} for None if `optional`; else `InputError`, which asks for one of `what`."""
-    if value is None and optional:
-        return {}
+    value = {} if value is None and optional else value
     if not isinstance(value, Mapping):
         raise InputError(field, value, f"give a mapping of {what}")
     return value
