@@ -222,7 +222,8 @@ class Search:
         self.method, self.certificate, self.timings = "", Certificate({}, 1.0), dict[str, float]()  # of the last method
         self.run: CondensedRun | None = None  # the latest run of the condensed method
         self._began = time.perf_counter()
-        self._given = dict(settings.options)
+        given = settings.options.items()
+        self._given: dict[str, Any] = {name: int(own) if isinstance(own, np.integer) else own for name, own in given}
         self.start: Start | None = None  # the state `initial`
         self._pressure: Vector | None = None  # the pressure `initial`, or that of the state
         if initial is not None and settings.takes_state:
@@ -235,7 +236,7 @@ class Search:
                 self._given["initial"] = start
 
     def options(self, kind: type[Options]) -> Options:
-        """Options of the current method, made of the given ones that it has."""
+        """Options of the current method, made of the given ones that it has; no integers of NumPy: these overflow."""
         return kind(**{name: value for name, value in self._given.items() if name in kind.__dataclass_fields__})
 
     def try_ways(self, *ways: Way, why: str = "") -> bool:
@@ -290,7 +291,7 @@ class Search:
         Each method may take as long as the first one took, see `LEAST_SECONDS`.
         """
         later = [way for way in ATTEMPTS[1:] if way.method != first.method and way.serves(self.qvi)]
-        limit = self.settings.options.get("max_iterations")
+        limit = self._given.get("max_iterations")
         is_spent, is_over = limit is not None and first.iterations >= limit, deadline.over
         if is_spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first

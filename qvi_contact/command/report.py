@@ -15,6 +15,7 @@ from qvi_contact import export
 from qvi_contact.basics.schema import write_table
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.files.problem_file import ProblemFile
+from qvi_contact.mechanism import Bodies, works
 from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, PointData, Polynomial
 from qvi_contact.problem.problem import ContactProblem
@@ -416,16 +417,12 @@ def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
 
 def act(problem: ContactProblem, loads: Iterable[str]) -> bool:
     """Whether any of these loads is more than 0."""
-    from qvi_contact.mechanism import Bodies, works
-
     power_of_loads = works(problem, Bodies.of(problem))
     return any(power_of_loads[name].size > 0.0 for name in loads if name in power_of_loads)
 
 
 def _loads(problem: ContactProblem) -> Iterator[dict[str, Any]]:
     """Names and resultants of tractions and body forces; moments are about the origin."""
-    from qvi_contact.mechanism import Bodies, works
-
     bodies = Bodies.of(problem)
     tractions = {each.name for each in problem.conditions if isinstance(each, Traction)}
     for name, work in works(problem, bodies).items():

@@ -393,7 +393,8 @@ class _Place:
         if self.segment is not None:
             return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=is_joint)
         if box is not None:
-            return edges_in_box(mesh.vertices, mesh.topology, box.x, box.y)
+            with schema.located("box", schema.keys_of(Rectangle)):
+                return edges_in_box(mesh.vertices, mesh.topology, box.x, box.y)
         if lines is None:
             ways = "a segment between two points" if is_joint else "a segment between two points, or a box"
             remedy = f"sides and directions are for grids: on triangles give {ways}"
@@ -411,7 +412,7 @@ class _Place:
         if not kept.any():
             where = "interior" if is_joint else "boundary"
             given = {"side": facing, "start": self.start, "stop": self.stop, "at": self.at}
-            raise InputError(self.name, given, f"no {where} edge lies there: check side and range")
+            raise InputError("", given, f"no {where} edge lies there: check side and range")
         return np.asarray(pairs[kept])
 
 

@@ -229,7 +229,7 @@ class Document:
         edge_sets = dict(mesh.edge_sets)
         tables = {f"{kind}[{k}]": part for kind in ("edges", "joints") for k, part in enumerate(getattr(self, kind))}
         for path, part in tables.items():
-            with schema.located(path, ("name", "start", "stop", "at", "segment", "box")):
+            with schema.located(path):
                 edge_sets[new_name(part.name, edge_sets)] = part.pairs(mesh, lines)
         mesh = replace(mesh, edge_sets=edge_sets)
         for path, arc in arcs.items():

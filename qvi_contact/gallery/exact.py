@@ -280,7 +280,7 @@ def _bond(courses: int, halves: int, openings: Sequence[Opening]) -> tuple[BoolA
     for opening in openings:
         if len(opening) != 4:
             raise InputError("openings", opening, "give four numbers: half blocks left, courses below, width, height")
-        bottom = opening[1] and whole_number("openings", opening[1], _MOST)
+        bottom = whole_number("openings", opening[1], _MOST, least=0)
         left, width, height = (whole_number("openings", opening[k], 2 * _MOST) for k in (0, 2, 3))
         right, top = left + width, bottom + height
         if right >= halves or top >= courses:
@@ -328,7 +328,7 @@ def jointed_slope(
     Without water the factor of safety is tan φ/tan β with tan φ = μ: the blocks of every layer slide when
     μ is divided by this factor. Source: E. Hoek and J. W. Bray, Rock Slope Engineering, plane failure.
     """
-    columns = whole_number("rows", rows, _MOST) + whole_number("crest", crest, _MOST)
+    rows, crest = whole_number("rows", rows, _MOST), whole_number("crest", crest, _MOST)
     if crest >= rows:
         raise InputError("crest", crest, f"give less than rows = {rows}: the lowest plane must end in the crack")
     if not 5.0 <= finite_number("dip", dip) <= 60.0:
@@ -343,7 +343,7 @@ def jointed_slope(
         *(Symmetry(side) for side in ("front", "rear")),
         Displacement("underground", x=0.0, y=0.0),
     ]
-    mesh, material = _slope_mesh(rows, columns, (run, rise)), Material(1e7, 0.25, "strain")
+    mesh, material = _slope_mesh(rows, rows + crest, (run, rise)), Material(1e7, 0.25, "strain")
     return ContactProblem(mesh, material, conditions, body_potential=Polynomial([[0.0, 25.0]]))
 
 

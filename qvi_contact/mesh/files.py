@@ -125,7 +125,9 @@ def reading(field: str, path: Path) -> Iterator[BinaryIO]:
     except (Exception, SystemExit) as error:  # readers fail on broken files in many ways
         reason = " ".join(f"{getattr(error, 'strerror', None) or error} {stderr.getvalue()}".split())
         reason = reason or type(error).__name__
-        raise InputError(field, str(path), f"cannot be read ({reason}): write the file again") from error
+        other = ", or as .msh: in Gmsh by File > Export, in its scripts by gmsh.write('NAME.msh')"
+        remedy = f"write the file again{other * (path.suffix.lower() in ('.med', '.vtk', '.vtu'))}"
+        raise InputError(field, str(path), f"cannot be read ({reason}): {remedy}") from error
 
 
 def _elements(

@@ -35,7 +35,7 @@ from qvi_contact.problem.conditions import SPRINGS, Displacement
 from qvi_contact.problem.material import stress_along_z, stress_at_rest
 from qvi_contact.solution.contact_line import enclosed_beyond
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import sample_body, stress_component, stress_in_cells
+from qvi_contact.solution.stress import sample_body, stress_in_cells, von_mises
 from qvi_contact.units import Units
 
 if TYPE_CHECKING:
@@ -239,7 +239,7 @@ class Scales:
     """Ends of the colour bar [stress]; with None each drawing has its own."""
 
     @classmethod
-    def of(cls, results: Iterable[ContactResult], component: str = "von_mises") -> "Scales":
+    def of(cls, results: Iterable[ContactResult]) -> "Scales":
         """Scales for results such as the steps of a history; with the factor no body is drawn inside another."""
         moved, factor, pressure, friction, ranges = 0.0, np.inf, 0.0, 0.0, []
         for result in results:
@@ -255,7 +255,7 @@ class Scales:
                 friction = max(friction, float(np.abs(line.tangential_stress).max()))
             x, y, stress = result.gauss_stress()
             zz = stress_along_z(result.problem, np.arange(len(x)), x, y, stress)
-            ranges.append(usual_range(stress_component(stress, component, zz)))
+            ranges.append(usual_range(von_mises(stress, zz)))
         low, high = np.array(ranges).reshape(-1, 2).T
         bar = (float(low.min()), float(high.max())) if len(ranges) > 1 else None
         return cls(factor if np.isfinite(factor) else 1.0, pressure, friction, bar)
@@ -275,14 +275,8 @@ class Drawn:
     """Numbers of resultants."""
 
 
-def draw_body(
-    axes: "Axes",
-    result: ContactResult,
-    component: str = "von_mises",
-    units: Units | None = None,
-    scales: Scales | None = None,
-) -> Drawn:
-    """Draw the deformed body with a stress as coloured bands, and the tractions on its contacts.
+def draw_body(axes: "Axes", result: ContactResult, units: Units | None = None, scales: Scales | None = None) -> Drawn:
+    """Draw the deformed body with the von Mises stress as coloured bands, and the tractions on its contacts.
 
     Each contact shows the pressure as a diagram, in one scale for all contacts, with arrows towards the body; the
     friction stress on the body as arrows inside it; and the resultant as a heavy arrow with its number, on straight
@@ -290,19 +284,18 @@ def draw_body(
     pressure. Loads, supports and obstacles are small symbols. One factor magnifies all displacements, which are those
     of `Shape`; dashed lines show the undeformed body. Axes are in units of length.
 
-    The component is "xx", "yy", "xy" (tension positive), "von_mises" (with σ_zz in plane strain), or "first", "second":
-    the principal stresses σ₁ ≥ σ₂ in the plane. Give `scales` if several results are to be compared; by default they
-    are those of this result. `InputError` if there is no such stress, or no stress state.
+    The von Mises stress has σ_zz in plane strain. Give `scales` if several results are to be compared; by default they
+    are those of this result. `InputError` if there is no stress state.
     """
     from scipy.spatial import cKDTree
 
     units, mesh, shape = style.plain_units(units), result.problem.mesh, Shape.of(result)
-    scales = Scales.of([result], component) if scales is None else scales
+    scales = Scales.of([result]) if scales is None else scales
     instance_of(Scales, "scales", scales)
     factor, length, t = scales.factor, mesh.length, np.linspace(0.0, 1.0, style.CHORDS + 1)
     # bands of stress at the deformed points; values are averaged where cells of one block and one material meet
     samples = sample_body(result, _SAMPLES)
-    values = stress_component(samples.stress, component, samples.along_z)
+    values = von_mises(samples.stress, samples.along_z)
     largest = float(np.abs(samples.stress).max())
     values = values * (largest > result.rounding.stress)
     deformed = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
@@ -362,7 +355,7 @@ def draw_body(
     across, up = box[1] - box[0]
     width, tall = 0.04 * max(1.0, float(up / across)), max(1.0, _TALL * float(across / up))
     bar = axes.inset_axes((1.0 + 0.8 * width, (1.0 - tall) / 2.0, width, tall))
-    axes.figure.colorbar(bands, cax=bar, label=f"{COMPONENT_LABELS[component]} [{units.stress}]", extend=None)
+    axes.figure.colorbar(bands, cax=bar, label=f"von Mises stress [{units.stress}]", extend=None)
     return Drawn(factor, box, pressure, labels)
 
 
@@ -491,15 +484,6 @@ def _thrust(axes: "Axes", lines: Sequence[LineTractions]) -> None:
         axes.add_collection(style.lines(np.array(thrusts), *_THRUST, "line of thrust"), autolim=False)
 
 
-COMPONENT_LABELS: Final = {
-    "xx": "$\\sigma_{xx}$",
-    "yy": "$\\sigma_{yy}$",
-    "xy": "$\\sigma_{xy}$",
-    "von_mises": "von Mises stress",
-    "first": "$\\sigma_1$ in the plane",
-    "second": "$\\sigma_2$ in the plane",
-}
-
 _LEVELS: Final = 8  # about so many contour lines
 _ALL_BUT_FEW: Final = 0.99  # share of the points whose values set the range of the bands
 _ROUNDING: Final = 1e-6  # share of the largest value to which values are rounded: else bands show a rounding error
@@ -507,11 +491,9 @@ _UNIFORM: Final = 1e-4  # range of a field over its size below which the field c
 
 
 def usual_range(values: FloatArray) -> tuple[float, float]:
-    """The range of values without a few that are much larger than all others, as near sharp corners."""
-    sizes = np.abs(values)
-    size, usual = float(sizes.max()) or 1.0, float(np.quantile(sizes, _ALL_BUT_FEW))
-    end = usual if usual < 0.7 * size else size
-    return max(float(values.min()), -end), min(float(values.max()), end)
+    """The range of values ≥ 0 without a few that are much larger than all others, as near sharp corners."""
+    largest, usual = float(values.max()), float(np.quantile(values, _ALL_BUT_FEW))
+    return float(values.min()), usual if usual < 0.7 * largest else largest
 
 
 def draw_contours(
@@ -523,10 +505,10 @@ def draw_contours(
     part: IntArray,
     ends: tuple[float, float] | None = None,
 ) -> "TriContourSet":
-    """Draw values (n,) at points (n, 2) as coloured bands with contour lines, at their `places` (n, 2) in the drawing.
+    """Draw values (n,) ≥ 0 at points (n, 2) as coloured bands with contour lines, at `places` (n, 2) in the drawing.
 
     Where points of one `part` (n,) coincide their values are averaged. Bands end at `ends`, by default at the
-    `usual_range`. If values have both signs, zero is white.
+    `usual_range`.
     """
     from matplotlib import colormaps
     from matplotlib.ticker import MaxNLocator
@@ -536,7 +518,7 @@ def draw_contours(
     _, first, group = np.unique(np.column_stack([rounded, part]), axis=0, return_index=True, return_inverse=True)
     group = group.ravel()
     means = np.bincount(group, values) / np.bincount(group)
-    size = float(np.abs(means).max())
+    size = float(means.max())
     means = np.round(means, -int(np.floor(np.log10(_ROUNDING * max(size, 1e-300)))))
     # range and levels of the bands
     low, high = usual_range(means) if ends is None else ends
@@ -545,14 +527,9 @@ def draw_contours(
     elif high - low <= _UNIFORM * size:
         middle = (low + high) / 2.0
         low, high = middle - 0.05 * size, middle + 0.05 * size
-    end = max(abs(low), abs(high))
-    has_both_signs = low < -0.05 * end and high > 0.05 * end
-    low, high = (-end, end) if has_both_signs else (low, high)
     levels = MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
     # colours, with one more band for values below or above the levels
-    share = np.linspace(0.0, 1.0, len(levels) + 1)
-    pale = 0.04 + 0.62 * (share if high > -low else share[::-1])
-    colours = colormaps["PuOr_r"](share) if has_both_signs else colormaps["Blues"](pale)
+    colours = colormaps["Blues"](np.linspace(0.04, 0.66, len(levels) + 1))
     below, above = int(means.min() < levels[0]), int(means.max() > levels[-1])
     extend = ("neither", "max", "min", "both")[2 * below + above]
     look: dict[str, Any] = {"colors": colours[1 - below : len(levels) + above], "extend": extend}

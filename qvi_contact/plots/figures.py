@@ -47,15 +47,14 @@ def result_figure(
     units: Units | None = None,
     title: str = "",
     panels: Sequence[str] | None = None,
-    component: str = "von_mises",
     scales: Scales | None = None,
 ) -> "Figure":
     """A result for a report: the deformed body, and charts of pressure and friction along contacts.
 
-    The title and the answer stand above, the solver's message below. `draw_body` has what is drawn, and the stresses
-    that `component` names. Each contact in `panels` has a chart; by default these are the two of one line with the
-    largest forces, obstacles before joints. Give `scales` to compare results. Without a stress state the loads are
-    drawn, and the motion of the mechanism, if there is one. `InputError` if there is no contact or stress of a name.
+    The title and the answer stand above, the solver's message below. `draw_body` has what is drawn. Each contact in
+    `panels` has a chart; by default these are the two of one line with the largest forces, obstacles before joints.
+    Give `scales` to compare results. Without a stress state the loads are drawn, and the motion of the mechanism, if
+    there is one. `InputError` if there is no contact of a name.
     """
     units = style.plain_units(units)
     instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns, or one of the steps")
@@ -75,7 +74,7 @@ def result_figure(
     with style.settings():
         figure = style.new_figure(_WIDTH, _WIDTH)
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
-        drawn = draw_body(body, result, component, units, scales)
+        drawn = draw_body(body, result, units, scales)
         if callable(result.problem.body_potential):
             body.plot([], [], " ", label=f"{_body_force(result.problem)} body force".strip())
         style.legend_below(body, [body], 3)
@@ -92,9 +91,7 @@ def result_figure(
     return figure
 
 
-def _lay_out(
-    figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, labels: Labels | None = None
-) -> None:
+def _lay_out(figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, labels: Labels) -> None:
     """Write title, answer and foot, and size the figure for the box (2, 2) [length], which grows to hold the texts."""
     body, *charts = figure.axes
     cell = body.get_subplotspec()
@@ -110,7 +107,7 @@ def _lay_out(
         figure.text(0.01, 1.0, style.plain_text(answer), va="top"),
         figure.text(0.01, 0.0, style.plain_text(foot), va="bottom", fontsize=6.0, color=style.GREY),
     ]
-    for _ in range(1 if labels is None else _PASSES):
+    for _ in range(_PASSES):
         across, up = box[1] - box[0]
         height = float(np.clip(_BODY * up / across, 1.5, 4.6))
         heights = [height + 0.75, *[_CHART] * len(charts)]
@@ -123,7 +120,7 @@ def _lay_out(
         body.set(xlim=box[:, 0], ylim=box[:, 1])
         body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
         body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
-        box = box if labels is None else labels.fit(box)
+        box = labels.fit(box)
 
 
 def _answer(result: ContactResult, ranked: Sequence[ContactLine], units: Units) -> str:
@@ -217,7 +214,7 @@ def _motion_figure(
         ends += draw_symbols(axes, problem, obstacles=True)
         axes.set_title(words, fontsize="small", loc="left")
         box = style.show_all(axes, np.concatenate(ends), units)
-        _lay_out(figure, box, title, answer, foot)
+        _lay_out(figure, box, title, answer, foot, Labels(axes))
     return figure
 
 
@@ -308,7 +305,7 @@ def history_figure(
         figure = style.new_figure(3.8 + right_width, 0.4 + 3.0 * rows)
         left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, right_width])[0]
         body, (last_number, last_step) = left.subplots(), last
-        picture = draw_body(body, last_step, units=units)
+        picture = draw_body(body, last_step, units)
         body.set_anchor("N")
         label = f"step {last_number}" if abscissa is None else f"t = {abscissa[last_number - 1]:g}"
         body.set_title(f"{label}; displacements × {beside([picture.factor])[0]}", fontsize="medium")

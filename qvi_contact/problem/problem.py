@@ -344,7 +344,8 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
 
     Of the mesh, vertices, triangles, arcs and named parts count; options that are None or change no answer do not.
     """
-    settings = {name: value for name, value in sorted(options.items()) if name not in _INERT and value is not None}
+    used = {name: value for name, value in sorted(options.items()) if name not in _INERT and value is not None}
+    settings = {name: value.item() if isinstance(value, np.generic) else value for name, value in used.items()}
     mesh = problems[0].mesh
     parts: list[object] = [type(mesh).__name__, mesh.vertices, mesh.cells, mesh.sides]
     for names, edges_of in ((mesh.edge_names, mesh.edge_set), (mesh.joint_names, mesh.joint_set)):

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 
 Order = TypeVar("Order")
 Outcomes = Callable[[deque[Order]], Generator[tuple[Order, "Outcome"], None, None]]
-Job = Callable[[], tuple[Any, Callable[[Any], Any]]]
 
 FAILURES: Final[Mapping[str, str]] = {
     "error": "the task raised an exception, or returned other values than numbers, texts, lists and dictionaries",

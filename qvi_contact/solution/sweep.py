@@ -406,7 +406,7 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
 # The SQLite file of a sweep. The table `planned` has all values, `results` and `contacts` the rows of values that are
 # done, and the view `rows` joins them: one row for each value and contact, with the columns of
 # `ContactResult.forces_frame`. The fingerprint in `sweep` is a digest of problem and options, a colon, and a digest of
-# parameter and values, by which a file that was changed is recognised.
+# parameter and values, by which a file that was changed is recognised; so is a row in `results` by its own digest.
 
 SUMMARY_COLUMNS: Final = (
     "normal_force", "tangential_force", "share_open", "share_stick", "share_slip",
@@ -433,8 +433,9 @@ _TABLES: Final = (
     )""",
     f"CREATE TABLE planned (number INTEGER PRIMARY KEY, {_of('REAL', 'value')})",
     f"""CREATE TABLE results (
-        number INTEGER PRIMARY KEY REFERENCES planned, {_of("TEXT", "status", "message")}, {_numbers("accuracy")},
-        {_of("INTEGER", "iterations")}, {_of("REAL", "seconds")}, CHECK (status IN {tuple(map(str, Status))})
+        number INTEGER PRIMARY KEY REFERENCES planned, {_of("TEXT", "status", "message")},
+        {_of("INTEGER", "iterations")}, {_numbers("accuracy")}, {_of("REAL", "seconds")}, {_of("TEXT", "digest")},
+        CHECK (status IN {tuple(map(str, Status))})
     )""",
     f"""CREATE TABLE contacts (
         number INTEGER NOT NULL REFERENCES results ON DELETE CASCADE, {_of("TEXT", "contact")},
@@ -445,11 +446,11 @@ _TABLES: Final = (
         FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number
     """,
 )
-_DATABASE: Final = Database("the store of a sweep", 0x51564957, 2, _TABLES, "results")  # "QVIW"
+_DATABASE: Final = Database("the store of a sweep", 0x51564957, 3, _TABLES, "results")  # "QVIW"
 
 _CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
 _DONE: Final = f"""
-    SELECT number, value, status, message, iterations, accuracy, seconds, contact, {_STORED}
+    SELECT number, value, status, message, iterations, accuracy, seconds, digest, contact, {_STORED}
     FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number, contacts.rowid
 """
 
@@ -465,10 +466,11 @@ class StoredSweep(SweepRows):
     def rows(self) -> Iterator[SweepRow]:
         """The rows of all values that are done, in the order of the values."""
         with _DATABASE.opened(self.path) as connection:
-            for (number, value, status, message, count, accuracy, seconds), parts in groupby(
-                connection.execute(_DONE), lambda row: row[:7]
-            ):
-                named = {part[7]: zip(SUMMARY_COLUMNS, part[8:], strict=True) for part in parts if part[7] is not None}
+            for (number, value, status, message, count, accuracy, seconds), parts, is_intact in _stored(connection):
+                if not is_intact:
+                    remedy = f"its row {number} was changed after it was written: repeat the sweep to solve it again"
+                    raise InputError("store", str(self.path), remedy)
+                named = {name: zip(SUMMARY_COLUMNS, numbers, strict=True) for name, *numbers in parts}
                 contacts = {name: {key: x for key, x in pairs if x is not None} for name, pairs in named.items()}
                 accuracy = math.nan if accuracy is None else accuracy
                 yield SweepRow(number, value, Status(status), message, count, accuracy, seconds, contacts)
@@ -506,8 +508,9 @@ def _writing(
     if place.is_dir() or not place.name:
         raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
 
+    marked = f"{fingerprint}:{_digest(fingerprint, parameter, values)}"
+
     def declare(empty: sqlite3.Connection) -> None:
-        marked = f"{fingerprint}:{_digest(fingerprint, parameter, values)}"
         began = datetime.now(UTC).isoformat(timespec="seconds")
         empty.execute("INSERT INTO sweep VALUES (?, ?, ?)", (parameter, marked, began))
         empty.executemany("INSERT INTO planned VALUES (?, ?)", enumerate(values, 1))
@@ -518,14 +521,22 @@ def _writing(
             remedy = f"holds another sweep, of {len(planned)} values, or data or options changed: give another file"
             raise InputError("store", str(path), remedy)
 
+        with connection:  # rows that were changed are solved again
+            changed = [(row[0],) for row, _, is_intact in _stored(connection) if not is_intact]
+            connection.executemany("DELETE FROM results WHERE number = ?", changed)
+            connection.execute("DELETE FROM contacts WHERE number NOT IN (SELECT number FROM results)")
+
         def append(rows: Sequence[SweepRow]) -> None:
             with connection:
-                for row in rows:
-                    columns = (row.number, str(row.status), row.message, row.accuracy, row.iterations, row.seconds)
-                    connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)", columns)
-                    for name, summary in row.contacts.items():
-                        numbers = (summary.get(key) for key in SUMMARY_COLUMNS)
-                        connection.execute(_CONTACT, (row.number, name, *numbers))
+                for each in rows:
+                    texts, numbers = (str(each.status), each.message), map(_as_stored, (each.accuracy, each.seconds))
+                    row = each.number, _as_stored(each.value), *texts, each.iterations, *numbers
+                    contacts = list[tuple[Any, ...]]()
+                    for name, summary in each.contacts.items():
+                        contacts.append((name, *(_as_stored(summary.get(key)) for key in SUMMARY_COLUMNS)))
+                    columns = (row[0], *row[2:], _row_digest(marked, row, contacts))
+                    connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?, ?)", columns)
+                    connection.executemany(_CONTACT, [(each.number, *contact) for contact in contacts])
 
         query = "SELECT number, value FROM planned WHERE number NOT IN (SELECT number FROM results) ORDER BY number"
         yield connection.execute(query).fetchall(), append
@@ -541,6 +552,24 @@ def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, t
         remedy = "its parameter or values were changed after it was made: give another file"
         raise InputError("store", str(path), remedy)
     return parameter, run, values
+
+
+def _stored(connection: sqlite3.Connection) -> Iterator[tuple[list[Any], list[tuple[Any, ...]], bool]]:
+    """Each row that is done, from its number to its seconds; name and numbers of its contacts; whether it is intact."""
+    (marked,) = connection.execute("SELECT fingerprint FROM sweep").fetchone() or ("",)
+    for (*row, digest), parts in groupby(connection.execute(_DONE), lambda line: line[:8]):
+        contacts = [part[8:] for part in parts if part[8] is not None]
+        yield row, contacts, digest == _row_digest(marked, row, contacts)
+
+
+def _as_stored(number: float | None) -> float | None:
+    """The number as SQLite returns it: NaN as None, −0.0 as 0.0."""
+    return None if number is None or math.isnan(number) else float(number) + 0.0
+
+
+def _row_digest(marked: str, row: Sequence[Any], contacts: Sequence[Sequence[Any]]) -> str:
+    """SHA-256 of a row and its contacts in the store with this fingerprint, as hexadecimal text."""
+    return hashlib.sha256(repr((marked, [*row], [[*contact] for contact in contacts])).encode()).hexdigest()
 
 
 def _digest(fingerprint: str, parameter: str, values: Sequence[float]) -> str:

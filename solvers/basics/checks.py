@@ -54,8 +54,7 @@ def one_of(field: str, value: object, choices: Sequence[str]) -> None:
 
 def mapping(field: str, value: object, what: str, *, optional: bool = False) -> Mapping[Any, Any]:
     """The value if it is a mapping, {} for None if `optional`; else `InputError`, which asks for one of `what`."""
-    if value is None and optional:
-        return {}
+    value = {} if value is None and optional else value
     if not isinstance(value, Mapping):
         raise InputError(field, value, f"give a mapping of {what}")
     return value
@@ -63,7 +62,7 @@ def mapping(field: str, value: object, what: str, *, optional: bool = False) -> 
 
 def true_or_false(field: str, value: object) -> bool:
     """`value` as a bool; `InputError` unless it is True, False, 1 or 0."""
-    if not isinstance(value, bool | np.bool_ | int) or value not in (0, 1):
+    if not isinstance(value, bool | np.bool_ | int | np.integer) or value not in (0, 1):
         raise InputError(field, value, "give True or False")
     return bool(value)
 

@@ -58,7 +58,7 @@ class TestFiles:
          *(("a.inp", INP.replace("2, 1, 0", "2, 1, nan").replace("CPS3\n3, 1, 2, 3\n4, 1, 3", f"{new}, 1, 2, 3"), told)
            for new, told in (("C3D4\n3", "'C3D4'"), ("CPS4\n3", "no finite"))),
          ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
-         ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"), ("a.med", "nonsense", "cannot be read"),
+         ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"), ("a.med", "nonsense", "as .msh"),
          *(("a.msh", MSH_4.replace("4.1 0 8", f"{v} 0 8"), "4.1 or 2.2") for v in ("4.0", "4", "3", "1"))],
     )  # fmt: skip
     def test_what_cannot_be_read_is_told_in_one_line(self, tmp_path, capsys, name, text, told):

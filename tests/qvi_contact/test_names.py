@@ -62,15 +62,6 @@ def test_the_closest_name_is_offered(result, of, meant):
     assert meant is None or f"did you mean {meant!r}?" in error.remedy
 
 
-def test_contacts_and_plates_of_a_result_are_mappings_as_others(result):
-    assert list(result.contacts) == ["fit", "seam"]
-    assert list(result.plates) == ["fit"]
-    assert result.contacts.get("fitt") is None
-    assert "fitt" not in result.contacts
-    assert refused(lambda: result.contacts["fitt"]).field == "contacts"
-    assert refused(lambda: result.plates["seam"]).field == "plates"
-
-
 FORMULA = r"$\foo$"
 UNITS = Units(r"$\bar$", '<b & "c">\'')
 
