@@ -25,7 +25,7 @@ from scipy.linalg import eigh, orth, qr
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
+from qvi_contact.bracket.share import Share, bodies_of, held_subspaces, shares_on
 from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.contact import DisplacementContact
 from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest, least_energy, solutions
@@ -86,7 +86,7 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     mesh, boundary, ratio, a, b = problem.mesh, problem.mesh.boundary, one_ratio(problem), 0, 1
     rough_edges = mesh.edges(next(filter(has_coulomb, problem.contacts)).edges)
     rotation = np.column_stack([rough_edges.tangent[0], rough_edges.normal[0]])
-    normals, held_vectors = boundary.normal @ rotation, [each @ rotation for each in held_directions(problem)]
+    normals, held = boundary.normal @ rotation, rotation.T @ held_subspaces(problem) @ rotation
     vertices, tangents = mesh.vertices @ rotation, boundary.tangent @ rotation[:, 0]
     # every edge lies on a side of the bounding rectangle: the side with the normal ±e_axis, + where `at_high_end`
     corners, axis = vertices[np.unique(mesh.cells)], np.argmax(np.abs(normals), axis=1)
@@ -94,10 +94,9 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     at_high_end = normals[edge_numbers, axis] > 0.0
     edge_ends = vertices[np.stack([boundary.first, boundary.second], axis=1)]
     distance = np.abs(edge_ends.mean(axis=1) - np.where(at_high_end[:, None], high, low))[edge_numbers, axis]
-    is_held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in held_vectors])  # (edges, 2)
-    vectors = np.concatenate([normals, *(held_vectors[edge] for edge in np.flatnonzero(~is_held.all(axis=1)))])
-    is_slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
-    if ratio is None or is_slanted or distance.max() > _PLACE * (high - low).max():
+    is_held = np.abs(held - np.eye(2)).max(axis=1) <= PARALLEL  # (edges, 2)
+    is_slanted = (np.abs(normals).max(axis=1) < 1.0 - _PLACE) | (np.abs(held[:, a, b]) > PARALLEL)
+    if ratio is None or is_slanted.any() or distance.max() > _PLACE * (high - low).max():
         return np.inf
     # by edge: whether (Rv)_N = 0 and (Rv)_T = 0 are demanded, and whether friction acts; θ at both ends and the
     # largest |θ|; bounds of |dθ/dt| on 16 parts, see `Share.steepest`
@@ -184,7 +183,7 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     friction are parallel, with the normal n and the tangent t, and slip one way: η = ±μ is one number. Elsewhere
     nothing may be demanded of displacements along n, or v_t = 0.
     """
-    boundary, held_vectors = problem.mesh.boundary, held_directions(problem)
+    boundary, held = problem.mesh.boundary, held_subspaces(problem)
     weights = np.zeros(len(boundary))  # by edge ±μ, with the sense of slip along the edge's tangent
     for share in shares.values():
         if not share.slipping.all() or np.ptp(share.slipping) != 0.0:
@@ -197,25 +196,23 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     is_parallel = np.abs(boundary.normal[rough_edges] @ tangent).max() <= PARALLEL
     if not is_parallel or np.ptp(across) > PARALLEL * np.abs(across).max():
         return np.inf
-    if any(not spans(held, tangent) and (np.abs(held @ normal) > PARALLEL).any() for held in held_vectors):
+    ratio, missed = one_ratio(problem), np.abs(np.stack([held @ tangent - tangent, held @ normal])).max(axis=2)
+    if ratio is None or (missed > PARALLEL).all(axis=0).any():
         return np.inf
     for contact in problem.contacts:
         edges = problem.mesh.edge_set(contact.edges)
         is_other = contact.law != "tied" and not weights[edges].any()
         if is_other and (bears_shear(contact) or np.abs(boundary.normal[edges] @ normal).max() > PARALLEL):
             return np.inf
-    ratio = one_ratio(problem)
-    if ratio is None:
-        return np.inf
     # |Rv| ≤ |η| max_χ cos χ ‖ω‖ + (the terms of the strains ε_tn and ε_tt), see (D32)
-    G, one_minus = _divergence_constant(problem, held_vectors), 1.0 - ratio
+    G, one_minus = _divergence_constant(problem, held), 1.0 - ratio
     cos_angle, weighted_sin = np.cos(ANGLES), np.sqrt(one_minus / 2.0) * np.sin(ANGLES)
     rotation = np.sqrt((G - 0.5) / min(one_minus, 1.0 + ratio))
     strains = np.sqrt(cos_angle**2 / (2.0 * one_minus) + weighted_sin**2 / (1.0 - ratio**2))
     return float(np.abs(across).max()) * float((cos_angle * rotation + strains).max() * ROUNDED)
 
 
-def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]) -> float:
+def _divergence_constant(problem: ContactProblem, held: FloatArray) -> float:
     """G in (D32): every rotation ω of a displacement is div ψ with ‖∇ψ‖² ≤ G ‖ω‖².
 
     ψ vanishes on the boundary, component by component, but on edges where that component of displacements is held.
@@ -246,8 +243,7 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
     n, numbers = len(space.cell.places), space.along(problem.mesh.boundary)
     is_free = np.ones((space.size // 2, 2), dtype=bool)
-    for edge, held in enumerate(held_vectors):
-        is_free[numbers[edge]] &= [spans(held, unit) for unit in np.eye(2)]
+    np.logical_and.at(is_free, numbers, (np.abs(held - np.eye(2)).max(axis=1) <= PARALLEL)[:, None])
     free_dofs = is_free.ravel()
     trace = np.array([1.0, 1.0, 0.0])
     body = Elasticity(space, np.tile(np.outer(trace, trace), (len(space.table), 1, 1)))

@@ -29,7 +29,7 @@ from qvi_contact.discretization.displacements import ALIKE, PARALLEL
 from qvi_contact.element.edge import SAMPLES, bernstein_basis
 from qvi_contact.mechanism.bodies import blocks_of_cells
 from qvi_contact.mesh.edges import cross, frames_along
-from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
+from qvi_contact.problem.conditions import SPRINGS, Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.result import ContactResult
 from solvers import solve_qvi
@@ -139,15 +139,13 @@ class Share:
             halves = np.stack([parts @ to_left_half.T, parts @ to_left_half[::-1, ::-1].T], axis=3)
             parts = halves.reshape(2, len(self.values), -1, n + 1)
         weighted_values, weights = parts
-        is_constant = np.ptp(self.values, axis=1) == 0.0
-        if not n or not len(weights):
-            return np.zeros(weights.shape[:2])
         is_bounded = weights.min(axis=2) > 1e-12 * weights.max(axis=2)
         weights = np.where(is_bounded[..., None], weights, 1.0)
         points, ratios = weighted_values / weights, weights[..., 1:] / weights[..., :-1]
         step, spread = np.abs(np.diff(points)).max(axis=2), ratios.max(axis=2) / ratios.min(axis=2)
         slopes = n * weights.max(axis=2) / weights.min(axis=2) * (step + 0.5 * (spread - 1.0) * np.ptp(points, axis=2))
-        return np.where(is_constant[:, None], 0.0, np.where(is_bounded, slopes, np.inf))
+        is_constant = np.ptp(self.values, axis=1, keepdims=True) == 0.0
+        return np.where(is_constant, 0.0, np.where(is_bounded, slopes, np.inf))
 
 
 def shares_on(body: Body, whole: ContactProblem, shares: Mapping[str, Share]) -> dict[str, Share]:
@@ -413,27 +411,20 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
     return f"No stress on this mesh has a continuous share of friction on {rows.name!r} near ({x:.6g}, {y:.6g})."
 
 
-def held_directions(problem: ContactProblem) -> list[FloatArray]:
-    """By boundary edge the directions (k, 2) held by supports and tied contacts, but not those of springs."""
-    directions_of: list[list[FloatArray]] = [[] for _ in range(len(problem.mesh.boundary))]
-    for support in problem.prescribed(Displacement):
-        for edge, direction in zip(support.index.tolist(), support.direction, strict=True):
-            directions_of[edge].append(direction)
+def held_subspaces(problem: ContactProblem) -> FloatArray:
+    """By boundary edge the projector (2, 2) onto directions that supports and tied contacts, but not springs, hold."""
+    boundary = problem.mesh.boundary
+    held = [(support.index, support.direction) for support in problem.prescribed(Displacement)]
     for contact in problem.contacts:
         if contact.law == "tied" and contact not in problem.joints:
-            is_rigid = [each is None for each in (contact.normal_stiffness, contact.tangential_stiffness)]
-            for edge in problem.mesh.edge_set(contact.edges).tolist():
-                frame = np.stack([problem.mesh.boundary.normal[edge], problem.mesh.boundary.tangent[edge]])
-                directions_of[edge] += list(np.eye(2) if all(is_rigid) else frame[is_rigid])
-    return [np.array(directions).reshape(-1, 2) for directions in directions_of]
-
-
-def spans(directions: FloatArray, wanted: FloatArray) -> bool:
-    """Whether a vector (2,) is a linear combination of directions (k, 2)."""
-    if not len(directions):
-        return False
-    projection = np.linalg.lstsq(directions.T, wanted, rcond=PARALLEL)[0] @ directions
-    return bool(np.abs(projection - wanted).max() <= PARALLEL)
+            edges = problem.mesh.edge_set(contact.edges)
+            frame = zip(SPRINGS, (boundary.normal, boundary.tangent), strict=True)
+            held += [(edges, directions[edges]) for spring, directions in frame if getattr(contact, spring) is None]
+    squares = np.zeros((len(boundary), 2, 2))  # the sum of d dᵀ over the directions d
+    for edges, directions in held:
+        squares[edges] += directions[:, :, None] * directions[:, None]
+    sizes, axes = np.linalg.eigh(squares)
+    return np.asarray(axes * (sizes > PARALLEL)[:, None] @ axes.swapaxes(1, 2))
 
 
 def _vanishing(problem: ContactProblem) -> BoolArray:
@@ -453,7 +444,7 @@ def _vanishing(problem: ContactProblem) -> BoolArray:
                     vertex: ([zero], [np.zeros(4)]) for vertex in {*edges.first.tolist(), *edges.second.tolist()}
                 }
         for vertices in (mesh.boundary.first, mesh.boundary.second):
-            for vertex, held_vectors in zip(vertices.tolist(), held_directions(body.problem), strict=True):
+            for vertex, held_vectors in zip(vertices.tolist(), held_subspaces(body.problem), strict=True):
                 fixed_rows, rows = demands.get(vertex, ([], []))
                 fixed_rows += list(held_vectors)
                 rows += [np.append(each, zero) for each in held_vectors]

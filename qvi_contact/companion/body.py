@@ -34,7 +34,7 @@ from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
-from solvers.factorisation.base import Factorisation, FactorisationError
+from solvers.factorisation.base import Factorisation
 from solvers.factorisation.choice import factorise
 
 
@@ -195,12 +195,9 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     load = body.virtual_work(np.stack([weighted, weighted, 0.0 * weighted], axis=-1), t)
     t, w = gauss_legendre(count)
     shape = bernstein_basis(space.degree, t) * w[:, None]
-    outlines = [(mesh.boundary, space.along(mesh.boundary), mesh.boundary.normal)]  # with outward normals
-    for joint in problem.joints:
-        edges = mesh.edges(joint.edges)
-        outlines.append((edges, space.along(edges), edges.normal))
-        outlines.append((edges, space.along(edges, other=True), -edges.normal))
-    for edges, numbers, outward in outlines:
+    joints = [mesh.edges(joint.edges) for joint in problem.joints]
+    for edges, is_other in ((mesh.boundary, False), *product(joints, (False, True))):  # outlines of the blocks
+        numbers, outward = space.along(edges, other=is_other), -edges.normal if is_other else edges.normal
         values = (evaluate(name, field, *mesh.points_along(edges, t)) - base) / scales.stress
         lengths = edges.length / scales.length
         along = vectors_along(edges, outward, t)
@@ -230,7 +227,7 @@ class CondensedBody:
     def of(
         cls, body: Elasticity, load: FloatArray, supports: PrescribedDisplacements, rows: sparse.csr_array
     ) -> "CondensedBody":
-        """Condense on the unknowns in `rows` (n, size); `FactorisationError` if the stiffness cannot be factorised."""
+        """Condense on the unknowns in `rows` (n, size); `FactorisationError` or `LinAlgError` if K has no factors."""
         size, extra, kept = body.space.size, body.size - body.space.size, supports.basis.kept
         B, start = supports.beside(extra)
         motions, K = body.space.rigid(), body.stiffness()
@@ -258,12 +255,7 @@ class CondensedBody:
         S, r = block_diag(S, body.beside.toarray()), np.append(r, right[len(kept) :])
         interface, cholesky = np.append(interface, len(kept) + np.arange(extra)), (S, True)
         if len(S):
-            rho = float(np.trace(S)) / len(S)
-            try:
-                cholesky = cho_factor(S + rho * R @ R.T, lower=True)
-            except np.linalg.LinAlgError as error:
-                message = "the condensed stiffness is not positive definite"
-                raise FactorisationError("singular", "lapack", message) from error
+            cholesky = cho_factor(S + float(np.trace(S)) / len(S) * R @ R.T, lower=True)
         return cls(body, load, B, start, interface, factor, S, r, R, cholesky, closely)
 
     def relieve(self, forces: FloatArray) -> FloatArray:

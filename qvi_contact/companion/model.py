@@ -324,11 +324,8 @@ def checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Tr
     fraction("tolerance", tolerance)
     # an incompressible material has no stiffness: displacements would have to keep every area
     if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
-        remedy = (
-            "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
-            "materials: take a number below 0.5, or leave them out, and judge the result by its certificate and a "
-            "finer mesh"
-        )
+        remedy = "the displacement model, and the bracket that needs it, have no displacements for incompressible "
+        remedy += "materials: take a number below 0.5, or judge the result by its certificate and a finer mesh"
         raise InputError("Material.poisson", 0.5, remedy)
     return cell
 
@@ -356,8 +353,9 @@ def solve_companions(
             load = external_load + body.initial_load + contact_sets[0].loads
             condensed = CondensedBody.of(body, load, held, contact_sets[0].rows)
             duals = [dual_problem(each, condensed) for each in contact_sets]
-        except (FactorisationError, MemoryError) as error:
-            status = _FAILURES.get(getattr(error, "reason", "memory"), Status.BACKEND_FAILED)
+        except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
+            known = "memory" if isinstance(error, MemoryError) else "singular"
+            status = _FAILURES.get(getattr(error, "reason", known), Status.BACKEND_FAILED)
             message = f"{status}: {error or 'out of memory'}"
             failure = status, Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance), message, None, (message,), None
             return (CompanionResult(problem, scales, body, *failure),) * len(laws)

@@ -121,8 +121,14 @@ class Discretization(WithFields, PicklesFields):
         if not self.problem.prescribed(Displacement):
             return tuple(remarks)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
-        prescribed = supports(self.problem, space, self.scales, _MISFIT)
-        return (*remarks, *prescribed.jumps, *corners_that_jump(self.problem, space, self.scales, prescribed, _MISFIT))
+        remarks += supports(self.problem, space, self.scales, _MISFIT).jumps
+        remarks += [
+            f"At {place} a support and the obstacle of {name!r} demand displacements that differ by {excess:.3g} "
+            "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements agree, or "
+            "leave a free side between them."
+            for place, name, excess in corners_that_jump(self.problem, self.scales, _MISFIT)
+        ]
+        return tuple(remarks)
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """The discretisation of a problem that differs in friction, cohesion and caps only, in the same units."""

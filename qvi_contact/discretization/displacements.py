@@ -22,7 +22,7 @@ prescribed tractions, v = B z + v₀. Two directions at a coefficient prescribe 
 arcs: there the inner coefficients are those of the polynomials n·v and t·v, see `components_along`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from typing import Final
@@ -449,14 +449,14 @@ def supports(
     return PrescribedDisplacements(C, solved.basis, particular, (*reasons, *jumps), tuple(jumps))
 
 
-def corners_that_jump(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, prescribed: PrescribedDisplacements, least: float
-) -> tuple[str, ...]:
-    """A sentence for each contact with a vertex that supports move beyond its obstacle by more than a share `least`.
+def corners_that_jump(problem: ContactProblem, scales: Scales, least: float) -> Iterator[tuple[str, str, float]]:
+    """Contacts with vertices that supports move beyond the obstacle: place of the worst one, contact, and how far.
 
-    The space has degree 1. Joints, springs, and plates driven by force are left out, as they give way.
+    The distance [length] is more than a share `least` of displacements. Joints, springs, and plates driven by force
+    are left out, as they give way.
     """
-    sentences, ends = list[str](), np.array([0.0, 1.0])
+    space, ends = DisplacementSpace.of(problem, triangle(1), scales.length), np.array([0.0, 1.0])
+    prescribed = supports(problem, space, scales, least)
     for direction, values, is_equation, edges, contact in bounds(problem):
         if contact is None:
             continue
@@ -468,9 +468,4 @@ def corners_that_jump(
         excess[abs(rows @ prescribed.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # where supports leave d·v free
         worst = int(np.argmax(excess))
         if excess[worst] > least * max(scales.displacement, float(np.abs(limit).max())):
-            sentences.append(
-                f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} "
-                f"demand displacements that differ by {excess[worst]:.3g} [length]. There stresses and forces grow "
-                "without limit on finer meshes. Make the displacements agree, or leave a free side between them."
-            )
-    return tuple(sentences)
+            yield place_of((x.flat[worst], y.flat[worst])), contact.name, float(excess[worst])

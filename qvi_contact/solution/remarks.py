@@ -12,11 +12,12 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.schema import WithFields
+from qvi_contact.discretization.displacements import corners_that_jump
 from qvi_contact.discretization.loads import joined
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
 from qvi_contact.mesh.edges import closes
-from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Symmetry, has_coulomb
+from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, RigidPlate, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import stress_in_cells
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
 
 _MISFIT: Final = 1e-6  # misfit of prescribed tractions over the unit of stress, above which a remark is made
+_STOPPED: Final = 1e-3  # motion of a plate beyond a support over the unit of displacement, above which it is named
 _ROUNDED: Final = 1e-6  # rounding of stresses over the certificate's unit of stress, above which a remark is made
 _FAR: Final = 1e4  # gaps over displacements, above which rounding of gaps explains an inaccurate result
 _LARGE_STRAIN: Final = 0.05  # strain above which the theory of small strains is a first guess
@@ -42,7 +44,7 @@ def remarks(result: ContactResult) -> tuple[str, ...]:
     """Sentences about approximated data, the solution's attempts, and the computed state, if there is one."""
     sentences = [*result.discretization.remarks, *result.solution.remarks, *_turning_plates(result)]
     if result.has_state:
-        sentences += [*_about_numbers(result), *_about_contacts(result)]
+        sentences += [*_about_numbers(result), *_about_contacts(result), *_stopped_plates(result)]
     return tuple(sentences)
 
 
@@ -60,6 +62,23 @@ def _turning_plates(result: ContactResult) -> Iterator[str]:
                     "more friction. Give a rotation or displacements instead of the moment: the resulting moment is "
                     "then what friction carries."
                 )
+
+
+def _stopped_plates(result: ContactResult) -> Iterator[str]:
+    """Sentences about driven plates that move farther on this mesh than a support in a corner allows on any."""
+    problem, scales = result.problem, result.discretization.scales
+    motions = {row.contact: result.plates[row.contact] for row in result.discretization.plates.rows}
+    if not (motions and problem.prescribed(Displacement)):
+        return
+    plates = {name: RigidPlate(x=m.x, y=m.y, rotation=m.rotation, pivot=m.centre) for name, m in motions.items()}
+    moved = with_contacts(problem, lambda each: replace(each, plate=plates.get(each.name, each.plate)))
+    for place, name, excess in corners_that_jump(moved, scales, _STOPPED):
+        if name in motions:
+            yield (
+                f"At {place} a support stops the plate of {name!r}, which moves {excess:.3g} [length] too far. On "
+                "finer meshes its motion falls very slowly to what the support allows. Do not rely on this motion, nor "
+                "on the force that the support takes. Leave a free side between plate and support."
+            )
 
 
 def _about_numbers(result: ContactResult) -> Iterator[str]:

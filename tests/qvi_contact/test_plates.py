@@ -279,3 +279,15 @@ def test_corners_of_a_support_and_an_obstacle_that_disagree(law, options, said, 
     others = [Displacement("held", normal=0.0), along, Traction("top", 0.0, 0.0), *FREE]
     stated = ContactProblem(mesh, STEEL, [Contact("base", 0.0, law=law, **options), *others])
     assert any("(1, 0) a support and the obstacle of 'base'" in each for each in discretize(stated).remarks) is said
+
+
+def test_a_support_in_the_corner_stops_a_plate_driven_by_force():
+    """Exactly the plate and the body stay at rest: J = 0. The computed motion falls with the mesh, about as 1/ln h."""
+    sides = [Displacement(side, x=0.0, y=0.0) for side in ("left", "right", "bottom")]
+    for law in ("unilateral", "bilateral", "tied"):
+        top = Contact("top", 0.0, law=law, plate=RigidPlate(force_y=-5.0))
+        meshes = [TriangleMesh.rectangle((2 * n, n), 2.0, 1.0) for n in (2, 8)]
+        coarse, fine = (solve(ContactProblem(mesh, STEEL, [top, *sides])) for mesh in meshes)
+        assert any("(0, 1) a support stops the plate of 'top'" in each for each in fine.remarks)
+        assert fine.bracket.lower < 0.0 <= fine.bracket.upper + 1e-9 * fine.bracket.strain
+        assert 0.6 < fine.plates["top"].y / coarse.plates["top"].y < 0.9
