@@ -36,7 +36,7 @@ _SWEEPS: Final = 4  # steps of the projection on the equations
 HELD: Final = 1e-7  # largest violation, relative to the size, that counts as rounding
 ROUNDING: Final = 1e-11  # violation, relative to the size, that is not worth a second program
 _ROOM: Final = 1e-9  # margin of the inner point up to which a row has no room
-_ROOMY: Final = 1e-6  # margin of the inner point above which all rows have room, and below −1e-6 no point exists
+_ROOMY: Final = 1e-3  # margin of the inner point above which all rows have room; below −1e-3 no point keeps them
 _ENOUGH: Final = 1e-3  # margin of the least solution of the equations from which it serves as inner point
 _AROUND: Final = 8  # directions around a cone, whose planes find cones that are at their tip at all points
 _TIP: Final = 1e-3  # of the size: a cone with a smaller t may be at its tip
@@ -383,5 +383,5 @@ class ConicProgram:
         column = sparse.csr_array((np.full(len(heads), unit), (heads, 0 * heads)), shape=(len(self.b), 1))
         row, most = np.append(0.0 * self.q, 1.0), _NEAR if self.dependent else 1.0
         program = self._extended(-row, row[None], np.array([most]), column)
-        found = program.solve(REGULAR[::-1] if self.dependent else REGULAR)
+        found = program.solve((_USUAL,))  # without an interior others find it only up to 1e-4
         return (np.zeros(0), -np.inf) if isinstance(found, str) else (self.projected(found.x[:-1]), float(found.x[-1]))

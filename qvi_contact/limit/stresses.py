@@ -339,28 +339,34 @@ class StressProgram:
     def _within_limits(self, signs: IntArray, share: float) -> Carried:
         """The answer for signs of bilateral pressure.
 
-        Cones without room are replaced by their least faces where a strength is 0, or if the first answer is in doubt:
-        without room, limits that are 1e-13 wider may carry much more.
+        Cones without room are replaced by their least faces: first where a strength is 0, else if an answer is in
+        doubt. Without room, limits that are 1e-13 wider may carry much more, or anything at all.
         """
-        program, known = self.program(signs), None
-        if not self.cones.limit.all():
-            program = program.on_faces(self.cones.rays) or program
+        full, known = self.program(signs), None
+        answers, failure = list[Carried](), SolveError(_AT_LIMIT)
         with suppress(SolveError):
             known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
-        first = self._of_program(program, share, known)
-        is_valid = first.violation <= ROUNDING
-        is_doubtful = first.bound - first.factor > max(_DROP * abs(first.factor), CERTIFIED)
-        if is_doubtful and is_valid and np.isfinite(first.factor) and program.falls:
-            return Carried(np.inf)
-        if is_valid and not is_doubtful:
-            return first
-        narrower = program.on_faces(self.cones.rays)
-        if narrower is None:
-            return first
-        with suppress(SolveError):  # the first answer stays valid
-            other = self._of_program(narrower, share)
-            return max(first, other, key=lambda one: (one.violation <= ROUNDING, one.factor))
-        return first
+        has_tips = not self.cones.limit.all()
+        for on_faces in (True, False) if has_tips else (False, True):
+            program = full.on_faces(self.cones.rays) if on_faces else full
+            if program is None:
+                continue
+            try:
+                found = self._of_program(program, share, None if on_faces else known)
+            except SolveError as error:  # the other answer stays valid
+                failure = error
+                continue
+            answers.append(found)
+            is_valid, carries = found.violation <= ROUNDING, found.factor > -np.inf
+            gap = found.bound - found.factor if carries else found.bound
+            is_doubtful = gap > (max(_DROP * abs(found.factor), CERTIFIED) if carries else -np.inf)
+            if is_doubtful and is_valid and np.isfinite(found.factor) and program.falls:
+                return Carried(np.inf)
+            if is_valid and not is_doubtful and (carries or not on_faces):
+                return found
+        if not answers:
+            raise failure
+        return max(answers, key=lambda one: (one.violation <= ROUNDING and one.factor > -np.inf, one.factor))
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
         """The first answer within the limits up to rounding: the known point, or the solver's; else the best answer."""
