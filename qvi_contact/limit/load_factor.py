@@ -63,7 +63,8 @@ class LimitLoad(float, WithFields):
     mechanism: Mechanism | None
     """The motion of rigid blocks that proves `upper`; None if `upper` is infinite or proved by flow."""
     bound: float
-    """This mesh carries no larger multiple: the dual bound of the multipliers found."""
+    """This mesh carries no larger multiple, by the multipliers found. On bilateral contacts with friction
+    it holds for the signs of σ_N at `lower` only."""
     violation: float
     """Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions, on
     parts stronger than 1e2 times the least strength relative to their own."""
