@@ -245,7 +245,7 @@ class Search:
         report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
         best, certificate = None, None
-        tries = chain(_linear(qvi, method)) if qvi.contact.is_fixed else chain[tuple[Attempt, Outcome]]()
+        tries = chain(_linear(qvi, method)) if qvi.is_fixed else chain[tuple[Attempt, Outcome]]()
         if qvi.m and qvi.n:
             tries = chain(tries, chain.from_iterable(tried(self) for way in ways for tried in way.tries))
         try:
