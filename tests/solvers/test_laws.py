@@ -247,8 +247,10 @@ def test_equations_may_fix_all_tractions(method, stress):
         qvi, random = random_problem(seed, n=6, m=2), np.random.default_rng(100 + seed)
         rows, z = qvi.contact.rows, random.normal(size=6)
         A, shift = random.normal(size=(4, 4)) @ rows, stress * np.array([-1.0, -2.0, 0.3, -0.6]) - rows @ z
-        solution = solve_qvi(changed(qvi, A=A, b=A @ z, n0=shift[:2], t0=shift[2:]), method)
+        fixed = changed(qvi, A=A, b=A @ z, n0=shift[:2], t0=shift[2:])
+        solution = solve_qvi(fixed, method)
         assert solution.status is Status.SOLVED, solution.message
+        assert "infeasible" not in {each.status for each in solve_qvi(fixed, method, tolerance=1e-30).attempts}
 
 
 @pytest.mark.parametrize("unit", [1e-14, 1e14])
