@@ -264,7 +264,7 @@ class FrictionQVI(PicklesFields):
         if not self.p or len(touched) > len(columns):
             return not len(touched)
         units, v = 1.0 / np.sqrt(self.stiffness.positive_diagonal[columns]), generic_vector(len(columns))
-        A, rows = dense(self.contact.A[:, columns]) * units, self.contact.rows[:, columns]
+        A, rows = dense(self.contact.A[:, columns]) * units, cast("Any", self.contact.rows[:, columns])
         lengths = np.linalg.norm(A, axis=1)
         A = A / np.where(lengths > 0.0, lengths, 1.0)[:, None]
         moved = rows @ (units * (v - np.linalg.lstsq(A, A @ v, rcond=None)[0]))
