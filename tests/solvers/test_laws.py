@@ -189,7 +189,7 @@ class TestFeasibility:
     def test_an_equation_without_unknowns(self, n):
         """It proves that there is no solution, whatever other equations say."""
         A, free = np.outer([0.0, 1.0, 0.7], np.sin(np.arange(n) + 1.0)), random_problem(0, n=n, m=1)
-        for right in (-2.0, 0.0, 1.0):
+        for right in (-2.0, 0.0, 1e-12):
             qvi = changed(free, A=A, b=np.array([right, 0.1 * bool(n), 0.07 * bool(n)]))
             found = check_feasibility(qvi)
             assert found.feasible is (right == 0.0)
