@@ -32,7 +32,7 @@ _EXCLUDED_SIZE = 1e4
 """A proof must exclude every z up to this multiple of the sizes that `is_farkas` names."""
 
 _LEAST_VIOLATION = 1e-9
-"""Violation of dependent equations, or of rows of G without unknowns, over the largest right-hand side, that is real."""
+"""Violation of dependent equations, or of rows of G at n = 0, over the largest right-hand side, that is no rounding."""
 
 LARGEST = 4000
 """Rows of G up to which the linear program is solved; it takes 25 ms for 400 rows, and 2 s for this many."""
