@@ -15,7 +15,7 @@ from solvers.basics.progress import Log, Progress, deadline, listening, report
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
-from solvers.certificate.feasibility import PROOF_SECONDS, refuted
+from solvers.certificate.feasibility import PROOF_SECONDS, check_feasibility, refuted
 from solvers.condensed.method import EXACT, LAST, CondensedRun
 from solvers.condensed.systems import FITTING_PATH, NEAR_BONDED_PATH
 from solvers.errors import InputError, SolveError
@@ -186,8 +186,10 @@ def _ill_conditioned(qvi: FrictionQVI) -> Outcome | None:
 def _linear(qvi: FrictionQVI, method: str) -> Tries:
     """The bonded solution, for a problem whose tractions do not vary, as without contact points or unknowns."""
     (z, nu, _), zero = qvi.bonded_state.corrected, np.zeros(qvi.m)
-    reason = Status.SOLVED if qvi.m == 0 else Status.INFEASIBLE  # unless the certificate passes
-    yield Attempt(method, "", reason, 0), Outcome(reason, z, zero, zero, nu, versions=versions(("scipy",)))
+    proof = check_feasibility(qvi) if qvi.m else None  # the reason counts only if the certificate does not pass
+    reason = Status.INFEASIBLE if proof is not None and proof.feasible is False else Status.STALLED
+    outcome = Outcome(reason, z, zero, zero, nu, versions=versions(("scipy",)), feasibility=proof)
+    yield Attempt(method, "", reason, 0), outcome
 
 
 class Way(NamedTuple):
@@ -245,7 +247,7 @@ class Search:
         report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
         best, certificate = None, None
-        tries = chain(_linear(qvi, method)) if qvi.contact.is_fixed else chain[tuple[Attempt, Outcome]]()
+        tries = chain(_linear(qvi, method)) if qvi.is_fixed else chain[tuple[Attempt, Outcome]]()
         if qvi.m and qvi.n:
             tries = chain(tries, chain.from_iterable(tried(self) for way in ways for tried in way.tries))
         try:

@@ -32,7 +32,7 @@ _EXCLUDED_SIZE = 1e4
 """A proof must exclude every z up to this multiple of the sizes that `is_farkas` names."""
 
 _LEAST_VIOLATION = 1e-9
-"""Violation of an equation, or of a row without unknowns, over the largest right-hand side, that is no rounding."""
+"""Violation of dependent equations, or of rows of G at n = 0, over the largest right-hand side, that is no rounding."""
 
 LARGEST = 4000
 """Rows of G up to which the linear program is solved; it takes 25 ms for 400 rows, and 2 s for this many."""
@@ -120,8 +120,8 @@ def check_feasibility(qvi: FrictionQVI) -> Feasibility:
     rows = AdmissibleRows.of(qvi)
     if not qvi.n:  # C is empty if a row 0 ≤ h or 0 = b fails, and the multiplier ±1 of that row proves it
         right = np.concatenate([rows.h, qvi.b])
-        violation = np.concatenate([-rows.h, np.abs(qvi.b)])
-        if violation.max(initial=0.0) > _LEAST_VIOLATION * largest(right):
+        violation = np.concatenate([-rows.h / (largest(rows.h) or 1.0), (qvi.b != 0.0).astype(float)])
+        if violation.max(initial=0.0) > _LEAST_VIOLATION:
             worst = int(np.argmax(violation))
             multipliers = -np.sign(right[worst]) * np.eye(1, right.size, worst)[0]
             text = "the stress is statically determinate and violates the equations or the contact law"
@@ -182,7 +182,8 @@ def _farkas(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector) -> tuple
     if qvi.p:  # equations that contradict each other: the residual of least squares has no component in A
         gram = (A @ A.T).toarray()
         residual = gram @ np.linalg.lstsq(gram, b, rcond=None)[0] - b
-        residual[np.abs(residual) <= _LEAST_VIOLATION * largest(b)] = 0.0
+        refutes = (gram.diagonal() == 0.0) & (b != 0.0)  # 0 = b_i, whatever its size
+        residual[~(refutes if refutes.any() else np.abs(residual) > _LEAST_VIOLATION * largest(b))] = 0.0
         proof = np.zeros(rows.h.size), of_equations * residual
         if is_farkas(qvi, *proof):
             return proof

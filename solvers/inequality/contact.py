@@ -36,7 +36,6 @@ _POWER_STEPS = 10
 # Share of other waves in the first vector of the power iteration, which is uniform: if equilibrium fixes the uniform
 # traction, its relief is rounding alone.
 _WAVE_SHARE = 1e-8
-_FIXED = 1e-11  # change of a traction, over its terms, that is rounding
 _MOST_CORRECTIONS = 30
 _LEAST_CORRECTION = 1e-12  # size of a correction, over that of the first step, not worth computing
 
@@ -94,21 +93,6 @@ class ContactMatrices(PicklesFields):
     def equated(self) -> IntVector:
         """The columns in which rows of equations have an entry, sorted."""
         return columns_of(self.A)
-
-    @cached_property
-    def is_fixed(self) -> bool:
-        """Whether the equations alone determine all tractions; without rows or unknowns of the contact nothing varies.
-
-        A generic vector, less its projection on the rows of A, must not change any traction by more than rounding.
-        """
-        columns, (p, _) = self.equated, self.A.shape
-        if not p or len(self.touched) > len(columns):
-            return not columns_of(self.rows).size
-        A, rows, v = dense(self.A[:, columns]), self.rows[:, columns], generic_vector(len(columns))
-        lengths = np.linalg.norm(A, axis=1)
-        A = A / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-        moved = rows @ (v - np.linalg.lstsq(A, A @ v, rcond=None)[0])
-        return bool((np.abs(moved) <= _FIXED * (abs(rows) @ np.abs(v))).all())
 
     @cached_property
     def contacts(self) -> IntVector:

@@ -16,10 +16,12 @@ from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vect
 from solvers.errors import InputError
 from solvers.inequality.body import BondedState, EnergyRoot, Loads, Stiffness
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
-from solvers.inequality.rows import checked_vector, transposed
+from solvers.inequality.rows import checked_vector, dense, generic_vector, transposed
 from solvers.inequality.traces import TractionFactor
 
 __all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stiffness"]
+
+_FIXED = 1e-11  # change of a traction, over its terms, that is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,6 +253,23 @@ class FrictionQVI(PicklesFields):
         factor = self.stiffness.factor
         return f"{factor.backend}, {factor.version}" if factor is not None else ""
 
+    @cached_property
+    def is_fixed(self) -> bool:
+        """Whether the equations alone determine all tractions; without rows or unknowns of the contact nothing varies.
+
+        A generic vector, less its projection on the rows of A, must not change any traction by more than rounding. The
+        entries z_i √K_ii of vectors have one unit.
+        """
+        columns, touched = self.contact.equated, self.contact.touched
+        if not self.p or len(touched) > len(columns):
+            return not len(touched)
+        units, v = 1.0 / np.sqrt(self.stiffness.positive_diagonal[columns]), generic_vector(len(columns))
+        A, rows = dense(self.contact.A[:, columns]) * units, cast("Any", self.contact.rows[:, columns])
+        lengths = np.linalg.norm(A, axis=1)
+        A = A / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+        moved = rows @ (units * (v - np.linalg.lstsq(A, A @ v, rcond=None)[0]))
+        return bool((np.abs(moved) <= _FIXED * (abs(rows) @ (units * np.abs(v)))).all())
+
     @property
     def contact_stiffness(self) -> float:
         """Scale of the traction that a unit of displacement λ along the whole contact causes; 0 if it causes none.
@@ -259,7 +278,7 @@ class FrictionQVI(PicklesFields):
         `ContactMatrices.tractions`. That is the stiffness for the shortest waves; times 2 min W / Σ W it is the
         stiffness for waves as long as the contact.
         """
-        return 0.0 if self.contact.is_fixed else self.stiffness.condensed(self.contact).contact_stiffness
+        return 0.0 if self.is_fixed else self.stiffness.condensed(self.contact).contact_stiffness
 
     @property
     def bonded_state(self) -> BondedState:

@@ -188,19 +188,9 @@ class TestFeasibility:
     @pytest.mark.parametrize("n", [0, 4])
     def test_an_equation_without_unknowns(self, n):
         """It proves that there is no solution, whatever other equations say."""
-        A, none = np.outer([0.0, 1.0, 0.7], np.sin(np.arange(n) + 1.0)), np.zeros((1, n))
-        data = {
-            "K": np.eye(n),
-            "f": np.ones(n),
-            "N": none,
-            "T": none,
-            "n0": [-1.0],
-            "t0": [0.0],
-            "mu": [0.3],
-            "W": [1.0],
-        }
-        for right in (-2.0, 0.0, 1.0):
-            qvi = FrictionQVI.from_arrays(**data, A=A, b=[right, 0.1 * bool(n), 0.07 * bool(n)])
+        A, free = np.outer([0.0, 1.0, 0.7], np.sin(np.arange(n) + 1.0)), random_problem(0, n=n, m=1)
+        for right in (-2.0, 0.0, 1e-12):
+            qvi = changed(free, A=A, b=np.array([right, 0.1 * bool(n), 0.07 * bool(n)]))
             found = check_feasibility(qvi)
             assert found.feasible is (right == 0.0)
             assert found.feasible or is_farkas(qvi, *found.farkas)
@@ -257,8 +247,18 @@ def test_equations_may_fix_all_tractions(method, stress):
         qvi, random = random_problem(seed, n=6, m=2), np.random.default_rng(100 + seed)
         rows, z = qvi.contact.rows, random.normal(size=6)
         A, shift = random.normal(size=(4, 4)) @ rows, stress * np.array([-1.0, -2.0, 0.3, -0.6]) - rows @ z
-        solution = solve_qvi(changed(qvi, A=A, b=A @ z, n0=shift[:2], t0=shift[2:]), method)
+        fixed = changed(qvi, A=A, b=A @ z, n0=shift[:2], t0=shift[2:])
+        solution = solve_qvi(fixed, method)
         assert solution.status is Status.SOLVED, solution.message
+        assert "infeasible" not in {each.status for each in solve_qvi(fixed, method, tolerance=1e-30).attempts}
+
+
+@pytest.mark.parametrize("unit", [1e-14, 1e14])
+def test_whether_equations_fix_tractions_does_not_depend_on_units(unit):
+    """The traction 2 z₁ is free if z₁ = unit z₂."""
+    rows = np.array([[-1.0, -unit], [0.5, 1.5 * unit], [1.0, -unit]])
+    data = {"K": np.diag([1.0, unit**2]), "N": rows[:1], "T": rows[1:2], "A": rows[2:], "b": np.zeros(1)}
+    assert changed(dragged_block(0.2), **data).contact_stiffness == pytest.approx(4.0)
 
 
 # That a load cannot be carried is proved by one linear program, before other starts and without Clarabel.
