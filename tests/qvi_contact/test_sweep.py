@@ -227,12 +227,14 @@ def test_a_value_that_ends_its_process_has_a_row_that_says_so(tmp_path, environ)
 def test_what_is_refused(tmp_path):
     """Another sweep than that of the store, several processes without one, wrong arguments. It stays as it was."""
     path = tmp_path / "a.sqlite"
-    given = {"problem": PLATE, "parameter": "friction", "values": (0.1,), "store": path}
+    start = solve(PLATE)
+    near = replace(start, solution=replace(start.solution, z=(1.0 + 1e-9) * start.solution.z))  # its repr is the same
+    given = {"problem": PLATE, "parameter": "friction", "values": (0.1,), "store": path, "initial": start}
     solve_sweep(**given)
     before = path.read_bytes()
     for field, changes in {
         "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."},
-                  {"problem": compressed_plate(0.2, (4, 5))}], "of": [{"of": ["base"]}],
+                  {"initial": near}, {"problem": compressed_plate(0.2, (4, 5))}], "of": [{"of": ["base"]}],
         "workers": [{"workers": 0}, {"workers": 2, "store": None}], "parameter": [{"parameter": "mu"}],
         "dask": [{"dask": "nowhere"}, {"dask": "tcp://127.0.0.1:1", "store": None}],
     }.items():  # fmt: skip
