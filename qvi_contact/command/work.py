@@ -278,12 +278,11 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
         factor = strength_reduction_factor(
             problem_file.problem, of=list(of) or None, accuracy=accuracy, verbose=verbose, **settings
         )
-    above = f"divided by {factor.upper:.6g} they carry them on no mesh" if factor.upper < math.inf else "no bound above"
-    line = f"strengths divided by {factor.lower:.6g} carry the loads on this mesh; {above}"
     late = "The time limit ended the search: both bounds hold, but more time would bring them closer."
     remarks = [*_time_remark(problem_file), *[late] * (not factor.in_time)]
-    document = {"of": list(of), "lower": factor.lower, "upper": factor.upper, "remarks": remarks}
-    click.echo(_json_text(document) if as_json else "\n".join([line, *remarks]))
+    sides = {"lower": factor.lower, "upper": factor.upper, "bounds": factor.guaranteed}
+    document = {"of": list(of), **sides, "message": report.safety_sentence(factor), "remarks": remarks}
+    click.echo(_json_text(document) if as_json else "\n".join([report.safety_sentence(factor), *remarks]))
     return 0 if factor.lower >= 1.0 else 1
 
 

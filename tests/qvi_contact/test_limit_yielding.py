@@ -66,6 +66,7 @@ def test_units_do_not_matter(unit):
     assert limit_load_factor(problem, ["top"]).lower == pytest.approx(1.4 * unit, rel=1e-6, abs=0.0)
     heavy = replace(problem, body_potential=lambda x, _: 0.1 * unit * np.sin(3e-3 * x))
     assert not limit_load_factor(heavy, ["top"]).guaranteed
+    assert [strength_reduction_factor(each, accuracy=0.5).guaranteed for each in (problem, heavy)] == [True, False]
     cornered = [Contact("bottom", 0.0), Contact("right", 0.0), Traction("left", x=1, y=0), Traction("top", x=0, y=-1)]
     pressed = replace(stretched(MohrCoulomb(1e7, 0.5)), conditions=cornered)  # loads are next to nothing
     assert limit_load_factor(pressed, ["left", "top"], degree=3).upper == np.inf
