@@ -332,13 +332,16 @@ def limit_sentence(limit: LimitLoad) -> str:
 
 def safety_sentence(factor: StrengthReduction) -> str:
     """By how much strengths may be divided, in a sentence."""
-    carried = "no factor was found at which this mesh carries the loads"
-    fallen = "none was found at which the body does not"
-    if factor.lower > 0.0:
-        carried = f"this mesh carries the loads with strengths divided by {factor.lower:.6g}"
-    if factor.upper < math.inf:
-        fallen = f"no stress of the body carries them with strengths divided by {factor.upper:.6g}"
-    return "; ".join([carried, fallen, *[_ESTIMATES] * (not factor.guaranteed)])
+    divided, reason = "with strengths divided by", []
+    if not factor.guaranteed:
+        divided, reason = "with strengths divided by about", [_ESTIMATES]
+    carried = f"this mesh carries the loads {divided} {factor.lower:.6g}"
+    if factor.lower == 0.0:
+        carried = "no factor was found with which this mesh carries the loads"
+    fallen = f"no stress of the body carries them {divided} {factor.upper:.6g}"
+    if factor.upper == math.inf:
+        fallen = "no factor was found with which the body collapses"
+    return "; ".join([carried, fallen, *reason])
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
