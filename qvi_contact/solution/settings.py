@@ -66,7 +66,7 @@ class Settings(WithFields, Method):
         """The settings that answers depend on and that differ from their defaults, for digests of runs."""
         names = ("degree", "law_on", "method", "inner", "tolerance", "factorisation", "initial")
         changed = {name: value for name in names if (value := getattr(self, name)) is not getattr(type(self), name)}
-        if self.initial is not None and not isinstance(self.initial, list):
+        if self.initial is not None and not isinstance(self.initial, list | float):  # no pressures
             changed["initial"] = _exactly(self.initial)  # the repr of a result has six digits
         return {**changed, **self.options}
 
