@@ -231,10 +231,10 @@ def test_what_is_refused(tmp_path):
     solve_sweep(**given)
     before = path.read_bytes()
     for field, changes in {
-        "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."},
-                  {"initial": near}, {"problem": compressed_plate(0.2, (4, 5))}], "of": [{"of": ["base"]}], "initial": [{"store": f"{path}2", "initial": 0.0}],
+        "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."}, {"initial": near},
+                  {"problem": compressed_plate(0.2, (4, 5))}], "initial": [{"initial": 0.0, "store": tmp_path / "b"}],
         "workers": [{"workers": 0}, {"workers": 2, "store": None}], "parameter": [{"parameter": "mu"}],
-        "dask": [{"dask": "nowhere"}, {"dask": "tcp://127.0.0.1:1", "store": None}],
+        "dask": [{"dask": "nowhere"}, {"dask": "tcp://127.0.0.1:1", "store": None}], "of": [{"of": ["base"]}],
     }.items():  # fmt: skip
         for change in changes:
             with refused_at(field):
