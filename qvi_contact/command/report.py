@@ -25,7 +25,7 @@ from qvi_contact.units import Certainty, Rounding, Units, shown
 from solvers.errors import counted
 
 if TYPE_CHECKING:
-    from qvi_contact.limit.load_factor import LimitLoad
+    from qvi_contact.limit.load_factor import LimitLoad, StrengthReduction
     from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
     from qvi_contact.refinement.adaptive import Outcome
 
@@ -302,6 +302,11 @@ def _error(step: RefinementRound) -> tuple[str, str]:
     return f"{step.estimate:.1e}", "estimate" if step.certainty is Certainty.ESTIMATE else "guaranteed"
 
 
+_ESTIMATES: Final = (
+    "these are estimates, not bounds, because sides are arcs or the body force is not a polynomial on the mesh"
+)
+
+
 def limit_sentence(limit: LimitLoad) -> str:
     """How much the mesh carries, and the body at most, in a sentence."""
     if limit.upper == -math.inf:
@@ -315,10 +320,7 @@ def limit_sentence(limit: LimitLoad) -> str:
     sides = ("at least", lower), ("at most", upper)
     numbers = " and ".join(f"{side} about {factor:.9g} times" for side, factor in sides if math.isfinite(factor))
     if numbers and not limit.guaranteed:
-        return (
-            f"the body carries {numbers} these loads; these are estimates, not bounds, because sides are arcs or the "
-            "body force is not a polynomial on the mesh"
-        )
+        return f"the body carries {numbers} these loads; {_ESTIMATES}"
     mesh = f"this mesh carries {'no multiple of' if lower == -math.inf else f'{lower:.9g} times'} these loads"
     body = "the body has no upper limit"
     if upper < math.inf:
@@ -326,6 +328,20 @@ def limit_sentence(limit: LimitLoad) -> str:
     if limit.missing and lower == -math.inf:
         return f"{body} these loads"
     return mesh if limit.missing and upper == math.inf else f"{mesh}; {body}"
+
+
+def safety_sentence(factor: StrengthReduction) -> str:
+    """By how much strengths may be divided, in a sentence."""
+    divided, reason = "with strengths divided by", []
+    if not factor.guaranteed:
+        divided, reason = "with strengths divided by about", [_ESTIMATES]
+    carried = f"this mesh carries the loads {divided} {factor.lower:.6g}"
+    if factor.lower == 0.0:
+        carried = "no factor was found with which this mesh carries the loads"
+    fallen = f"no stress of the body carries them {divided} {factor.upper:.6g}"
+    if factor.upper == math.inf:
+        fallen = "no factor was found with which the body collapses"
+    return "; ".join([carried, fallen, *reason])
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:

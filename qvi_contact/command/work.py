@@ -228,7 +228,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
 
     vtk = partial(export.write_collapse_vtu, problem=problem, limit=limit_load, units=units)
     proof = partial(_write_proof, problem=problem, loads=loads, settings=settings, told=proof_lines)
-    complete = _write_files(targets, {"plot": plot, "vtk": vtk, "report": page, "proof": proof}, reasons)
+    complete = _write_files(problem_file, targets, {"plot": plot, "vtk": vtk, "report": page, "proof": proof}, reasons)
     document = {"loads": list(loads), **report.limit_document(limit_load, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*lines, *proof_lines]))
     return 2 if not complete else 0 if not (limit_load.missing or is_missed) and limit_load != -math.inf else 1
@@ -278,12 +278,11 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
         factor = strength_reduction_factor(
             problem_file.problem, of=list(of) or None, accuracy=accuracy, verbose=verbose, **settings
         )
-    above = f"divided by {factor.upper:.6g} they carry them on no mesh" if factor.upper < math.inf else "no bound above"
-    line = f"strengths divided by {factor.lower:.6g} carry the loads on this mesh; {above}"
     late = "The time limit ended the search: both bounds hold, but more time would bring them closer."
     remarks = [*_time_remark(problem_file), *[late] * (not factor.in_time)]
-    document = {"of": list(of), "lower": factor.lower, "upper": factor.upper, "remarks": remarks}
-    click.echo(_json_text(document) if as_json else "\n".join([line, *remarks]))
+    sides = {"lower": factor.lower, "upper": factor.upper, "bounds": factor.guaranteed}
+    document = {"of": list(of), **sides, "message": report.safety_sentence(factor), "remarks": remarks}
+    click.echo(_json_text(document) if as_json else "\n".join([report.safety_sentence(factor), *remarks]))
     return 0 if factor.lower >= 1.0 else 1
 
 
@@ -400,7 +399,8 @@ def _report_stored(file: ProblemFile, sweep: qvi_contact.StoredSweep, targets: M
         "values": len(sweep.values), "statuses": {str(each): count for each, count in statuses.items()},
         "message": sweep.message,
     }  # fmt: skip
-    complete = _write_files(targets, {"save_json": lambda path: write_text(path, _json_text(document) + "\n")}, {})
+    writers = {"save_json": lambda path: write_text(path, _json_text(document) + "\n")}
+    complete = _write_files(file, targets, writers, {})
     lines = [f"{sweep.parameter}: {len(sweep.values)} values from {min(sweep.values):g} to {max(sweep.values):g}"]
     lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "no values done")
     lines += [*([] if is_solved else [sweep.message]), f"rows: {sweep.path}"]
@@ -557,11 +557,14 @@ def _write_all(
     }
     stateless = {} if result.has_state else dict.fromkeys(("vtk", "npz"), "there is no stress state to write to")
     with solving(f"{file.title or 'solve'}: files"):  # bounds for a page may take longer than the answer
-        return _write_files(targets, writers, stateless)
+        return _write_files(file, targets, writers, stateless)
 
 
 def _write_files(
-    targets: Mapping[str, str], writers: Mapping[str, Callable[[str], None]], reasons: Mapping[str, str]
+    file: ProblemFile,
+    targets: Mapping[str, str],
+    writers: Mapping[str, Callable[[str], None]],
+    reasons: Mapping[str, str],
 ) -> bool:
     """Write files by option, with a message for each that is not written; returns whether no writing failed.
 
@@ -573,7 +576,8 @@ def _write_files(
             if option in reasons:
                 click.echo(f"qvi-contact: {reasons[option]} {path}", err=True)
             else:
-                writers[option](path)
+                with file.named_errors():
+                    writers[option](path)
         except (QVIError, OSError, MemoryError) as error:  # also raised by libraries while they draw
             failure = error if isinstance(error, QVIError) else unwritable(Path(path), error)
             if isinstance(failure, InputError):

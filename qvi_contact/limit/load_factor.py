@@ -360,6 +360,8 @@ class StrengthReduction(WithFields):
     """Strengths divided by this do not on any mesh, as a mechanism or a flow shows. Infinity if no factor was found."""
     in_time: bool = True
     """Whether the searches ended within the time limit. If not, both bounds hold all the same."""
+    guaranteed: bool = True
+    """Whether the sides are bounds, not estimates, as in `LimitLoad`."""
 
 
 def strength_reduction_factor(
@@ -407,17 +409,16 @@ def strength_reduction_factor(
     chosen = frozenset(with_strength if of is None else names_among("of", of, "contacts and regions", with_strength))
     all_loads = (*loads_of(problem), FLUID)
 
-    limits: dict[float, tuple[float, float]] = {}  # by logarithms of factors
+    limits: dict[float, LimitLoad] = {}  # by logarithms of factors
 
     def spare(u: float, side: int) -> float:
         """The logarithm of the load factor with strengths over e^u; positive if the loads are carried."""
         if u not in limits:
             if limits and deadline.over:  # else each program of one more factor would take its least time
                 raise SolveError(LATE)
-            limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), all_loads, degree).limit
-            limits[u] = limit.lower, limit.upper
-            log.line(math.exp(u), *limits[u])
-        share = limits[u][side]
+            limits[u] = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), all_loads, degree).limit
+            log.line(math.exp(u), limits[u].lower, limits[u].upper)
+        share = (limits[u].lower, limits[u].upper)[side]
         return max(math.log(min(share, _MOST)), _LEAST) if share >= 1.0 else math.log(max(share, 1.0 / _MOST))
 
     def ends(side: int) -> tuple[float, float]:
@@ -431,7 +432,8 @@ def strength_reduction_factor(
     with deadline(time_limit), Log(title, verbose, columns, iterations=False) as log:
         log.begin({"strengths": ", ".join(sorted(chosen)), "accuracy": accuracy})
         carried, fallen = (_searched(spare, ends, side, math.log1p(accuracy)) for side in (0, 1))
-        factor = StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]), not deadline.over)
+        guaranteed = all(limits[u].guaranteed for u in (carried[0], fallen[1]) if u in limits)
+        factor = StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]), not deadline.over, guaranteed)
         if factor.lower == 0.0 and factor.upper == math.inf and not factor.in_time:
             raise SolveError(LATE)
         log.end("solved", f"carried up to {factor.lower:.6g}, not beyond {factor.upper:.6g}", {}, solved=True)

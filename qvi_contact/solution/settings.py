@@ -66,7 +66,17 @@ class Settings(WithFields, Method):
         """The settings that answers depend on and that differ from their defaults, for digests of runs."""
         names = ("degree", "law_on", "method", "inner", "tolerance", "factorisation", "initial")
         changed = {name: value for name in names if (value := getattr(self, name)) is not getattr(type(self), name)}
+        if self.initial is not None and not isinstance(self.initial, list | float):  # no pressures
+            changed["initial"] = _exactly(self.initial)  # the repr of a result has six digits
         return {**changed, **self.options}
+
+
+def _exactly(start: Any) -> tuple[object, ...]:
+    """All bits of the state of a result, and of its units, element and mesh; `InputError` without a state."""
+    solution, mesh, form = start.solution, start.problem.mesh, start.discretization
+    units = float(form.scales.stress), float(form.scales.displacement)
+    arrays = mesh.vertices, mesh.cells, start.dofs, solution.normal_multiplier, solution.tangential_multiplier
+    return (form.space.degree, form.rule.law_on, *units, *(array.tobytes() for array in arrays))
 
 
 def pressures(initial: object) -> Any:

@@ -201,6 +201,9 @@ def test_the_command_writes_and_checks_them(tmp_path, shell):
     status, out, _ = shell("limit", file, "--load", "top", "--proof", proof)
     assert (status, out.count("proved:")) == (0, 2)
     assert "--load" in shell("limit", file, "--proof", proof, "--plot", tmp_path / "a.png")[2]
+    save_problem(file, replace(stretched(Tresca(0.7)), body_potential=qvi_contact.Polynomial([[0.0, 0.0, 0.1]])))
+    status, out, err = shell("limit", file, "--load", "top", "--proof", tmp_path / "none.json")
+    assert (status, "no stress of the body carries more" in out, " body_potential: " in err) == (2, True, True)
     status, out, _ = shell("check-proof", proof)
     assert (status, "\nproved: no stress carries the loads times more than 1.4" in out) == (0, True)
     proof.write_text(json.dumps(changed(json.loads(proof.read_text()), ("stress", "ordinates", 0, 0, 0), "1/7")))

@@ -136,8 +136,6 @@ def test_rows_are_those_of_the_results(tmp_path):
     assert (stored.status, stored.message, stored.values) == (results.status, results.message, VALUES)
     assert stored.to_frame(Units("mm", "MPa")).equals(results.to_frame(Units("mm", "MPa")))
     assert [row.accuracy for row in stored.rows()] == [step.certificate.accuracy for step in results.steps]
-    first, *_ = stored.rows()
-    assert first.contacts["plate"] == pytest.approx(results.steps[0].contacts["plate"].summary(), nan_ok=True)
 
 
 def test_the_file_alone_tells_everything(tmp_path):
@@ -227,14 +225,16 @@ def test_a_value_that_ends_its_process_has_a_row_that_says_so(tmp_path, environ)
 def test_what_is_refused(tmp_path):
     """Another sweep than that of the store, several processes without one, wrong arguments. It stays as it was."""
     path = tmp_path / "a.sqlite"
-    given = {"problem": PLATE, "parameter": "friction", "values": (0.1,), "store": path}
+    start = solve(PLATE)
+    near = replace(start, solution=replace(start.solution, z=(1.0 + 1e-9) * start.solution.z))  # its repr is the same
+    given = {"problem": PLATE, "parameter": "friction", "values": (0.1,), "store": path, "initial": start}
     solve_sweep(**given)
     before = path.read_bytes()
     for field, changes in {
-        "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."},
-                  {"problem": compressed_plate(0.2, (4, 5))}], "of": [{"of": ["base"]}],
+        "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."}, {"initial": near},
+                  {"problem": compressed_plate(0.2, (4, 5))}], "initial": [{"initial": 0.0, "store": tmp_path / "b"}],
         "workers": [{"workers": 0}, {"workers": 2, "store": None}], "parameter": [{"parameter": "mu"}],
-        "dask": [{"dask": "nowhere"}, {"dask": "tcp://127.0.0.1:1", "store": None}],
+        "dask": [{"dask": "nowhere"}, {"dask": "tcp://127.0.0.1:1", "store": None}], "of": [{"of": ["base"]}],
     }.items():  # fmt: skip
         for change in changes:
             with refused_at(field):
