@@ -73,6 +73,11 @@ class Answer(NamedTuple):
     least: float  # lower bound of q·x by the multipliers, among points no larger than x, or than limits
 
 
+def _norms(matrix: Any) -> FloatArray:
+    """The norms of the rows of a sparse matrix."""
+    return np.asarray(np.sqrt(matrix.multiply(matrix).sum(axis=1))).ravel()
+
+
 @dataclass(frozen=True, eq=False)
 class ConicProgram:
     """The cone program in the form of the module's docstring.
@@ -214,9 +219,8 @@ class ConicProgram:
         first, (x, room) = self.equal + self.linear, self.room()
         if not abs(room) <= _ROOMY:  # all rows have room, or no point keeps them
             return np.zeros(self.linear, dtype=bool), np.zeros(planes.shape[:2], dtype=bool)
-        rows = sparse.hstack([-self.A, sparse.csr_array(self.b[:, None] / (np.abs(self.b).max(initial=0.0) or 1.0))])
-        rows = sparse.csr_array(rows @ sparse.diags_array(1.0 / np.append(self._scale, 1.0)))
-        of_rows = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1))).ravel()
+        rows = sparse.csr_array(sparse.hstack([-self.A, sparse.csr_array(self.b[:, None])]) @ self._units)
+        of_rows = _norms(rows)
         of_cones = of_rows[first:].reshape(-1, self.width).max(axis=1)
         t, u = np.split(self.blocks(x), [1], axis=1)
         apart, is_small = np.linalg.norm(u[:, None] - t[..., None] * planes, axis=2), t <= _TIP * self.size(x)
@@ -227,7 +231,7 @@ class ConicProgram:
         tangents: list[Any] = [sparse.diags_array(unit) @ rows[heads + c] for c, unit in units]
         G = sparse.csr_array(sparse.vstack([rows[self.equal : first], rows[heads] - sum(tangents)]))
         # planes that are zero, relative to their cones, are equal; rows that are zero already are not replaced
-        norms = np.sqrt(np.asarray(G.multiply(G).sum(axis=1))).ravel()
+        norms = _norms(G)
         used = norms > HELD * np.append(of_rows[self.equal : first], of_cones[block])
         is_equal = np.append(np.zeros(self.linear, dtype=bool), np.ones(len(block), dtype=bool))
         n, count = G.shape[1], int(np.count_nonzero(used))
@@ -258,9 +262,11 @@ class ConicProgram:
         rows = sparse.csr_array(sparse.hstack([self.A, sparse.csr_array(self.b[:, None])]))
         along = sparse.diags_array(unit[ray].ravel()) @ rows[np.repeat(heads[ray, 0], self.width - 1)]
         new = sparse.csr_array(sparse.vstack([rows[u_rows[ray].ravel()] - along, rows[tips.ravel()], rows[made_equal]]))
-        norms = np.sqrt(np.asarray(new.multiply(new).sum(axis=1))).ravel()
-        used = norms > HELD * norms.max(initial=0.0)
-        new = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ new[used])
+        # rows that are zero, relative to their cones, are no equations; triangles of a graded mesh differ much in size
+        of_cones = _norms(rows @ self._units)[heads + np.arange(self.width)].max(axis=1)
+        own = [of_cones[ray].repeat(self.width - 1), of_cones[is_tip].repeat(self.width), np.zeros(len(made_equal))]
+        used = _norms(new @ self._units) > HELD * np.concatenate(own)
+        new = sparse.csr_array(sparse.diags_array(1.0 / _norms(new[used])) @ new[used])
         kept = np.ones(len(self.b))
         kept[np.concatenate([u_rows[ray].ravel(), tips.ravel(), made_equal])] = 0.0
         others = sparse.csr_array(sparse.diags_array(kept) @ rows)[self.equal :]
@@ -295,9 +301,13 @@ class ConicProgram:
     @cached_property
     def _scale(self) -> FloatArray:
         """The norm of each column; 1 for columns that are rounding."""
-        A = sparse.csc_array(self.A)
-        scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
+        scale = _norms(self.A.T)
         return np.where(scale <= _ROUNDED * scale.max(initial=0.0), 1.0, scale)
+
+    @property
+    def _units(self) -> Any:
+        """The units of x and τ in s = b τ − A x, as a diagonal matrix."""
+        return sparse.diags_array(1.0 / np.append(self._scale, np.abs(self.b).max(initial=0.0) or 1.0))
 
     @cached_property
     def _nearest(self) -> tuple[Any, Any]:

@@ -348,14 +348,16 @@ class StressProgram:
             known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
         has_tips = not self.cones.limit.all()
         for on_faces in (True, False) if has_tips else (False, True):
-            program = full.on_faces(self.cones.rays) if on_faces else full
-            if program is None:
-                continue
             try:
+                program = full.on_faces(self.cones.rays) if on_faces else full
+                if program is None:
+                    continue
                 found = self._of_program(program, share, None if on_faces else known)
             except SolveError as error:  # the other answer stays valid
                 failure = error
                 continue
+            if found.unknowns is not None:  # equations of faces hold up to rounding: what counts is the full program
+                found = replace(self._held(full, found.unknowns, found.violation), bound=found.bound)
             answers.append(found)
             is_valid, carries = found.violation <= ROUNDING, found.factor > -np.inf
             gap = found.bound - found.factor if carries else found.bound
