@@ -191,11 +191,11 @@ class ConicProgram:
         return fall > _GAIN * max(1.0, magnitude) and effect <= _MISSED * fall
 
     def on_faces(self, directions: FloatArray) -> ConicProgram | None:
-        """The program on the least faces of its cones that hold all its points; None if all rows have room.
+        """The program on faces of its cones that hold all its points, by the planes tried; None if no row is equal.
 
         A plane t ≥ û·u that holds with equality at all points leaves the ray u = t û of its cone, and two such planes
         leave the tip t = u = 0. New equations state that, and may make further planes equal. The û are `directions`
-        (blocks, k, width − 1) and some around them. Every point of the new program is one of the old.
+        (blocks, k, width − 1) and some around them. Up to rounding, every point of the new program is one of the old.
         """
         angles, around = 2.0 * np.pi * (np.arange(_AROUND) + 0.5) / _AROUND, np.eye(self.width)[-1:, 1:]
         circle = np.column_stack([np.cos(angles), np.sin(angles), *[0.0 * angles] * (self.width - 3)])
@@ -213,8 +213,8 @@ class ConicProgram:
         """Which inequalities (linear,), and planes t ≥ û·u (blocks, k), are equations at all points.
 
         The points times all τ ≥ 1 are those of s = b τ − A x. So the linear program max Σ m, 0 ≤ m ≤ 1, s ≥ m of all
-        inequalities and planes has an answer whose m are 0 or 1, and no tolerance decides which. The planes are those
-        near (t, u) at a point far inside the other cones: the nearest, or all where t is small.
+        inequalities and planes has an answer whose m are 0 or 1. A tolerance decides only which rows are zero. The
+        planes are those near (t, u) at a point far inside the other cones: the nearest, or all where t is small.
         """
         first, (x, room) = self.equal + self.linear, self.room()
         if not abs(room) <= _ROOMY:  # all rows have room, or no point keeps them

@@ -339,8 +339,8 @@ class StressProgram:
     def _within_limits(self, signs: IntArray, share: float) -> Carried:
         """The answer for signs of bilateral pressure.
 
-        Cones without room are replaced by their least faces: first where a strength is 0, else if an answer is in
-        doubt. Without room, limits that are 1e-13 wider may carry much more, or anything at all.
+        Cones without room are replaced by faces that hold all stresses: first where a strength is 0, else if an answer
+        is in doubt. Without room, limits that are 1e-13 wider may carry much more, or anything at all.
         """
         full, known = self.program(signs), None
         answers, failure = list[Carried](), SolveError(_AT_LIMIT)
