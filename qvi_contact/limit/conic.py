@@ -73,6 +73,11 @@ class Answer(NamedTuple):
     least: float  # lower bound of q·x by the multipliers, among points no larger than x, or than limits
 
 
+def _norms(matrix: Any) -> FloatArray:
+    """The norms of the rows of a sparse matrix."""
+    return np.asarray(np.sqrt(matrix.multiply(matrix).sum(axis=1))).ravel()
+
+
 @dataclass(frozen=True, eq=False)
 class ConicProgram:
     """The cone program in the form of the module's docstring.
@@ -186,11 +191,11 @@ class ConicProgram:
         return fall > _GAIN * max(1.0, magnitude) and effect <= _MISSED * fall
 
     def on_faces(self, directions: FloatArray) -> ConicProgram | None:
-        """The program on the least faces of its cones that hold all its points; None if all rows have room.
+        """The program on faces of its cones that hold all its points, by the planes tried; None if no row is equal.
 
         A plane t ≥ û·u that holds with equality at all points leaves the ray u = t û of its cone, and two such planes
         leave the tip t = u = 0. New equations state that, and may make further planes equal. The û are `directions`
-        (blocks, k, width − 1) and some around them. Every point of the new program is one of the old.
+        (blocks, k, width − 1) and some around them. Up to rounding, every point of the new program is one of the old.
         """
         angles, around = 2.0 * np.pi * (np.arange(_AROUND) + 0.5) / _AROUND, np.eye(self.width)[-1:, 1:]
         circle = np.column_stack([np.cos(angles), np.sin(angles), *[0.0 * angles] * (self.width - 3)])
@@ -208,15 +213,14 @@ class ConicProgram:
         """Which inequalities (linear,), and planes t ≥ û·u (blocks, k), are equations at all points.
 
         The points times all τ ≥ 1 are those of s = b τ − A x. So the linear program max Σ m, 0 ≤ m ≤ 1, s ≥ m of all
-        inequalities and planes has an answer whose m are 0 or 1, and no tolerance decides which. The planes are those
-        near (t, u) at a point far inside the other cones: the nearest, or all where t is small.
+        inequalities and planes has an answer whose m are 0 or 1. A tolerance decides only which rows are zero. The
+        planes are those near (t, u) at a point far inside the other cones: the nearest, or all where t is small.
         """
         first, (x, room) = self.equal + self.linear, self.room()
         if not abs(room) <= _ROOMY:  # all rows have room, or no point keeps them
             return np.zeros(self.linear, dtype=bool), np.zeros(planes.shape[:2], dtype=bool)
-        rows = sparse.hstack([-self.A, sparse.csr_array(self.b[:, None] / (np.abs(self.b).max(initial=0.0) or 1.0))])
-        rows = sparse.csr_array(rows @ sparse.diags_array(1.0 / np.append(self._scale, 1.0)))
-        of_rows = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1))).ravel()
+        rows = sparse.csr_array(sparse.hstack([-self.A, sparse.csr_array(self.b[:, None])]) @ self._units)
+        of_rows = _norms(rows)
         of_cones = of_rows[first:].reshape(-1, self.width).max(axis=1)
         t, u = np.split(self.blocks(x), [1], axis=1)
         apart, is_small = np.linalg.norm(u[:, None] - t[..., None] * planes, axis=2), t <= _TIP * self.size(x)
@@ -227,7 +231,7 @@ class ConicProgram:
         tangents: list[Any] = [sparse.diags_array(unit) @ rows[heads + c] for c, unit in units]
         G = sparse.csr_array(sparse.vstack([rows[self.equal : first], rows[heads] - sum(tangents)]))
         # planes that are zero, relative to their cones, are equal; rows that are zero already are not replaced
-        norms = np.sqrt(np.asarray(G.multiply(G).sum(axis=1))).ravel()
+        norms = _norms(G)
         used = norms > HELD * np.append(of_rows[self.equal : first], of_cones[block])
         is_equal = np.append(np.zeros(self.linear, dtype=bool), np.ones(len(block), dtype=bool))
         n, count = G.shape[1], int(np.count_nonzero(used))
@@ -258,9 +262,11 @@ class ConicProgram:
         rows = sparse.csr_array(sparse.hstack([self.A, sparse.csr_array(self.b[:, None])]))
         along = sparse.diags_array(unit[ray].ravel()) @ rows[np.repeat(heads[ray, 0], self.width - 1)]
         new = sparse.csr_array(sparse.vstack([rows[u_rows[ray].ravel()] - along, rows[tips.ravel()], rows[made_equal]]))
-        norms = np.sqrt(np.asarray(new.multiply(new).sum(axis=1))).ravel()
-        used = norms > HELD * norms.max(initial=0.0)
-        new = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ new[used])
+        # rows that are zero, relative to their cones, are no equations; triangles of a graded mesh differ much in size
+        of_cones = _norms(rows @ self._units)[heads + np.arange(self.width)].max(axis=1)
+        own = [of_cones[ray].repeat(self.width - 1), of_cones[is_tip].repeat(self.width), np.zeros(len(made_equal))]
+        used = _norms(new @ self._units) > HELD * np.concatenate(own)
+        new = sparse.csr_array(sparse.diags_array(1.0 / _norms(new[used])) @ new[used])
         kept = np.ones(len(self.b))
         kept[np.concatenate([u_rows[ray].ravel(), tips.ravel(), made_equal])] = 0.0
         others = sparse.csr_array(sparse.diags_array(kept) @ rows)[self.equal :]
@@ -295,9 +301,13 @@ class ConicProgram:
     @cached_property
     def _scale(self) -> FloatArray:
         """The norm of each column; 1 for columns that are rounding."""
-        A = sparse.csc_array(self.A)
-        scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
+        scale = _norms(self.A.T)
         return np.where(scale <= _ROUNDED * scale.max(initial=0.0), 1.0, scale)
+
+    @property
+    def _units(self) -> Any:
+        """The units of x and τ in s = b τ − A x, as a diagonal matrix."""
+        return sparse.diags_array(1.0 / np.append(self._scale, np.abs(self.b).max(initial=0.0) or 1.0))
 
     @cached_property
     def _nearest(self) -> tuple[Any, Any]:

@@ -250,10 +250,11 @@ class FlowProgram:
         x = raised(x)
         is_costly = float(full.q @ (x - start)) > _MUCH * float(np.abs(full.q) @ np.abs(start))
         is_outside = not share and -full.margins(start).min(initial=0.0) > ROUNDING
-        narrower = full.on_faces(cones.rays) if is_outside and (is_costly or not cones.limit.all()) else None
+        is_tried, narrower = is_outside and (is_costly or not cones.limit.all()), None
+        with suppress(SolveError):  # the flow found so far stays
+            narrower = full.on_faces(cones.rays) if is_tried else None
+            answer = narrower.solve() if narrower else first
         if narrower is not None:
-            with suppress(SolveError):  # the flow found so far stays
-                answer = narrower.solve()
             if answer == UNBOUNDED:  # flows on faces keep the cones
                 return Flow(-np.inf)
             if answer is not first and not isinstance(answer, str):

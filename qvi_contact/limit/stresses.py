@@ -339,8 +339,8 @@ class StressProgram:
     def _within_limits(self, signs: IntArray, share: float) -> Carried:
         """The answer for signs of bilateral pressure.
 
-        Cones without room are replaced by their least faces: first where a strength is 0, else if an answer is in
-        doubt. Without room, limits that are 1e-13 wider may carry much more, or anything at all.
+        Cones without room are replaced by faces that hold all stresses: first where a strength is 0, else if an answer
+        is in doubt. Without room, limits that are 1e-13 wider may carry much more, or anything at all.
         """
         full, known = self.program(signs), None
         answers, failure = list[Carried](), SolveError(_AT_LIMIT)
@@ -348,14 +348,16 @@ class StressProgram:
             known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
         has_tips = not self.cones.limit.all()
         for on_faces in (True, False) if has_tips else (False, True):
-            program = full.on_faces(self.cones.rays) if on_faces else full
-            if program is None:
-                continue
             try:
+                program = full.on_faces(self.cones.rays) if on_faces else full
+                if program is None:
+                    continue
                 found = self._of_program(program, share, None if on_faces else known)
             except SolveError as error:  # the other answer stays valid
                 failure = error
                 continue
+            if found.unknowns is not None:  # equations of faces hold up to rounding: what counts is the full program
+                found = replace(self._held(full, found.unknowns, found.violation), bound=found.bound)
             answers.append(found)
             is_valid, carries = found.violation <= ROUNDING, found.factor > -np.inf
             gap = found.bound - found.factor if carries else found.bound

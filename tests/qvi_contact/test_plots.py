@@ -86,12 +86,6 @@ EDGES = ((1.0, 1.5), (1.5, 3.5), (4.0, 4.4))
 """Edges of unequal length; the last apart from the others."""
 
 
-def shaded(axes):
-    """Label to (n, 2) ranges."""
-    parts = {bars.get_label(): [(bar.get_x(), bar.get_width()) for bar in bars] for bars in axes.containers}
-    return {label: np.cumsum(found, axis=1) for label, found in parts.items()}
-
-
 @pytest.mark.parametrize("vertical", [False, True])
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
 class TestTractions:
@@ -105,7 +99,8 @@ class TestTractions:
 
     def test_each_point_lies_in_a_range_of_its_state_alone(self, order, vertical):
         line, axes = self.draw(order, vertical)
-        ranges = shaded(axes)
+        drawn = {bars.get_label(): [(bar.get_x(), bar.get_width()) for bar in bars] for bars in axes.containers}
+        ranges = {label: np.cumsum(found, axis=1) for label, found in drawn.items()}
         along = line.y if vertical else line.x
         assert set(ranges) == {"open", "stick", "slip"}
         for place, state in zip(along, line.state, strict=True):

@@ -155,10 +155,6 @@ def half(x, y):
     return 0.5 + 0.0 * x * y
 
 
-def through_pickle(value):
-    return pickle.loads(pickle.dumps(value))
-
-
 def blocks(friction=half):
     mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0).with_joint("joint", lambda _, y: np.isclose(y, 1.0))
     mesh = mesh.with_edges("upper", lambda x, y: (x == 0.0) & (y > 1.0))
@@ -171,7 +167,7 @@ def blocks(friction=half):
     return ContactProblem(mesh, Material(1e3, 0.3), conditions, regions=[Region(Material(2e3, 0.3), y=(1.0, 2.0))])
 
 
-COPIES = [through_pickle, copy.deepcopy, copy.copy]
+COPIES = [lambda value: pickle.loads(pickle.dumps(value)), copy.deepcopy, copy.copy]
 
 
 @pytest.fixture(scope="module")
