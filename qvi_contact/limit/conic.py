@@ -42,6 +42,7 @@ _AROUND: Final = 8  # directions around a cone, whose planes find cones that are
 _TIP: Final = 1e-3  # of the size: a cone with a smaller t may be at its tip
 _ASIDE: Final = 0.1  # largest angle between u and a ray that may be all that a cone has room for
 _LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
+_SMALL: Final = 1e-5  # price of t relative to room: without it, inner flows dissipate more for no more room
 _NEAR: Final = 1e-3  # largest margin of the inner point of flows
 _TIGHTER: Final = 4.0  # times the violation of an answer: room asked for in a second program
 APART: Final = 1e2  # ratio to the least strength up to which strengths are weighted alike
@@ -386,12 +387,16 @@ class ConicProgram:
     def room(self) -> tuple[FloatArray, float]:
         """The point farthest inside all inequalities and cones, and its distance; negative if it is outside.
 
-        The distance is at most 1, relative to the limits; flows far inside dissipate too much, theirs is at most 1e-3.
+        The distance is at most 1, relative to the limits. Flows far inside dissipate too much: theirs is at most 1e-3,
+        less a little of the mean of all t.
         """
         unit = self.size(0.0 * self.q) if np.any(self.b[self._heads]) else 1.0
         heads = self._heads[self._has_rows]
         column = sparse.csr_array((np.full(len(heads), unit), (heads, 0 * heads)), shape=(len(self.b), 1))
         row, most = np.append(0.0 * self.q, 1.0), _NEAR if self.dependent else 1.0
-        program = self._extended(-row, row[None], np.array([most]), column)
+        price = 0.0 * row
+        if self.dependent:
+            price[:-1] = _SMALL * np.asarray(self.A[self._heads[self.linear :]].mean(axis=0)).ravel()
+        program = self._extended(-row - price, row[None], np.array([most]), column)
         found = program.solve((_USUAL,))  # without an interior others find it only up to 1e-4
         return (np.zeros(0), -np.inf) if isinstance(found, str) else (self.projected(found.x[:-1]), float(found.x[-1]))
