@@ -247,7 +247,7 @@ class Search:
         report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
         best, certificate = None, None
-        tries = chain(_linear(qvi, method)) if qvi.is_fixed else chain[tuple[Attempt, Outcome]]()
+        tries: Tries = _linear(qvi, method) if qvi.is_fixed else iter(())
         if qvi.m and qvi.n:
             tries = chain(tries, chain.from_iterable(tried(self) for way in ways for tried in way.tries))
         try:

@@ -110,7 +110,7 @@ def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) 
         return "no stress carries any, as a motion proves"
     fine = replace(problem, mesh=problem.mesh.refined(np.arange(problem.mesh.cell_count)))
     limits = (LimitProblem.of(each, (load,), degree=min(degree, 4)) for each in (problem, fine))
-    lacking, lacking_on_fine = (-each.stresses.program().room()[1] for each in limits)
+    lacking, lacking_on_fine = (-each.stresses.program().room[1] for each in limits)
     if lacking < ROUNDING:
         return "rounding: limits leave no room"
     if lacking_on_fine < LASTING * lacking:

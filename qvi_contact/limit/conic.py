@@ -74,11 +74,6 @@ class Answer(NamedTuple):
     least: float  # lower bound of q·x by the multipliers, among points no larger than x, or than limits
 
 
-def _norms(matrix: Any) -> FloatArray:
-    """The norms of the rows of a sparse matrix."""
-    return np.asarray(np.sqrt(matrix.multiply(matrix).sum(axis=1))).ravel()
-
-
 @dataclass(frozen=True, eq=False)
 class ConicProgram:
     """The cone program in the form of the module's docstring.
@@ -217,12 +212,10 @@ class ConicProgram:
         inequalities and planes has an answer whose m are 0 or 1. A tolerance decides only which rows are zero. The
         planes are those near (t, u) at a point far inside the other cones: the nearest, or all where t is small.
         """
-        first, (x, room) = self.equal + self.linear, self.room()
+        first, (x, room) = self.equal + self.linear, self.room
         if not abs(room) <= _ROOMY:  # all rows have room, or no point keeps them
             return np.zeros(self.linear, dtype=bool), np.zeros(planes.shape[:2], dtype=bool)
-        rows = sparse.csr_array(sparse.hstack([-self.A, sparse.csr_array(self.b[:, None])]) @ self._units)
-        of_rows = _norms(rows)
-        of_cones = of_rows[first:].reshape(-1, self.width).max(axis=1)
+        rows, of_rows, of_cones = self._homogeneous
         t, u = np.split(self.blocks(x), [1], axis=1)
         apart, is_small = np.linalg.norm(u[:, None] - t[..., None] * planes, axis=2), t <= _TIP * self.size(x)
         is_near = (apart <= _ASIDE * t) & (apart <= apart.min(axis=1, keepdims=True))
@@ -232,7 +225,7 @@ class ConicProgram:
         tangents: list[Any] = [sparse.diags_array(unit) @ rows[heads + c] for c, unit in units]
         G = sparse.csr_array(sparse.vstack([rows[self.equal : first], rows[heads] - sum(tangents)]))
         # planes that are zero, relative to their cones, are equal; rows that are zero already are not replaced
-        norms = _norms(G)
+        norms = linalg.norm(G, axis=1)
         used = norms > HELD * np.append(of_rows[self.equal : first], of_cones[block])
         is_equal = np.append(np.zeros(self.linear, dtype=bool), np.ones(len(block), dtype=bool))
         n, count = G.shape[1], int(np.count_nonzero(used))
@@ -264,10 +257,10 @@ class ConicProgram:
         along = sparse.diags_array(unit[ray].ravel()) @ rows[np.repeat(heads[ray, 0], self.width - 1)]
         new = sparse.csr_array(sparse.vstack([rows[u_rows[ray].ravel()] - along, rows[tips.ravel()], rows[made_equal]]))
         # rows that are zero, relative to their cones, are no equations; triangles of a graded mesh differ much in size
-        of_cones = _norms(rows @ self._units)[heads + np.arange(self.width)].max(axis=1)
+        _, _, of_cones = self._homogeneous
         own = [of_cones[ray].repeat(self.width - 1), of_cones[is_tip].repeat(self.width), np.zeros(len(made_equal))]
-        used = _norms(new @ self._units) > HELD * np.concatenate(own)
-        new = sparse.csr_array(sparse.diags_array(1.0 / _norms(new[used])) @ new[used])
+        used = linalg.norm(new @ self._units, axis=1) > HELD * np.concatenate(own)
+        new = sparse.csr_array(sparse.diags_array(1.0 / linalg.norm(new[used], axis=1)) @ new[used])
         kept = np.ones(len(self.b))
         kept[np.concatenate([u_rows[ray].ravel(), tips.ravel(), made_equal])] = 0.0
         others = sparse.csr_array(sparse.diags_array(kept) @ rows)[self.equal :]
@@ -302,13 +295,20 @@ class ConicProgram:
     @cached_property
     def _scale(self) -> FloatArray:
         """The norm of each column; 1 for columns that are rounding."""
-        scale = _norms(self.A.T)
+        scale = np.asarray(linalg.norm(self.A, axis=0))
         return np.where(scale <= _ROUNDED * scale.max(initial=0.0), 1.0, scale)
 
     @property
     def _units(self) -> Any:
         """The units of x and τ in s = b τ − A x, as a diagonal matrix."""
         return sparse.diags_array(1.0 / np.append(self._scale, np.abs(self.b).max(initial=0.0) or 1.0))
+
+    @cached_property
+    def _homogeneous(self) -> tuple[sparse.csr_array, FloatArray, FloatArray]:
+        """Rows of s = b τ − A x in `_units`, their norms, and the largest norm of each cone."""
+        rows = sparse.csr_array(sparse.hstack([-self.A, sparse.csr_array(self.b[:, None])]) @ self._units)
+        norms: FloatArray = np.asarray(linalg.norm(rows, axis=1), dtype=np.float64)
+        return rows, norms, np.asarray(norms[self.equal + self.linear :].reshape(-1, self.width).max(axis=1))
 
     @cached_property
     def _nearest(self) -> tuple[Any, Any]:
@@ -368,7 +368,7 @@ class ConicProgram:
                 x = min([x] if isinstance(answer, str) else [x, self.projected(answer.x)], key=worse)
                 violation = violation_of(x)
         if least or violation > ROUNDING:
-            point, room = (inside, 1.0) if is_inside else self.room()
+            point, room = (inside, 1.0) if is_inside else self.room
             if room > 0.0:
                 combination = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
                 if least or worse(combination) < worse(x):  # rows without room do not improve
@@ -384,6 +384,7 @@ class ConicProgram:
         violation = -margins[is_outside] * max(1.0, self.size(x) / self.size(inside))
         return float((violation / (room[is_outside] + violation)).max(initial=0.0))
 
+    @cached_property
     def room(self) -> tuple[FloatArray, float]:
         """The point farthest inside all inequalities and cones, and its distance; negative if it is outside.
 

@@ -250,20 +250,20 @@ class FlowProgram:
         x = raised(x)
         is_costly = float(full.q @ (x - start)) > _MUCH * float(np.abs(full.q) @ np.abs(start))
         is_outside = not share and -full.margins(start).min(initial=0.0) > ROUNDING
-        is_tried, narrower = is_outside and (is_costly or not cones.limit.all()), None
-        with suppress(SolveError):  # the flow found so far stays
-            narrower = full.on_faces(cones.rays) if is_tried else None
-            answer = narrower.solve() if narrower else first
-        if narrower is not None:
-            if answer == UNBOUNDED:  # flows on faces keep the cones
-                return Flow(-np.inf)
-            if answer is not first and not isinstance(answer, str):
-                program = narrower
-                other, other_violation = program.repaired(raised(answer.x))
-                other = raised(other)
-                other_violation = max(other_violation, -float(full.margins(other).min(initial=0.0)))
-                gain = float(full.q @ (x - other)) / (float(np.abs(full.q) @ np.abs(start)) or 1.0)
-                x, violation = (other, other_violation) if other_violation < violation + HELD * gain else (x, violation)
+        narrower: ConicProgram | None = None
+        if is_outside and (is_costly or not cones.limit.all()):
+            with suppress(SolveError):  # the flow found so far stays
+                narrower = full.on_faces(cones.rays)
+                answer = narrower.solve() if narrower else first
+        if answer == UNBOUNDED:  # flows on faces keep the cones
+            return Flow(-np.inf)
+        if narrower and answer is not first and not isinstance(answer, str):
+            program = narrower
+            other, other_violation = program.repaired(raised(answer.x))
+            other = raised(other)
+            other_violation = max(other_violation, -float(full.margins(other).min(initial=0.0)))
+            gain = float(full.q @ (x - other)) / (float(np.abs(full.q) @ np.abs(start)) or 1.0)
+            x, violation = (other, other_violation) if other_violation < violation + HELD * gain else (x, violation)
         # scaled to the power 1, if the conditions hold; beyond: the other loads have power where these have none
         power = float(live @ x[:n])
         is_kept = violation <= HELD and power > 0.0

@@ -482,7 +482,7 @@ class StressProgram:
         (N, n), (A, b), kept = self._tractions, self._equations, np.append(np.arange(self.low.qvi.n), -1)
         unknowns, N = np.zeros(N.shape[1]), N[:, kept]
         rows, h = sparse.csr_array(H @ N), limit - H @ n
-        heights, columns = (np.sqrt(np.asarray(rows.multiply(rows).sum(axis=axis))).ravel() for axis in (1, 0))
+        heights, columns = (np.asarray(sparse.linalg.norm(rows, axis=axis)) for axis in (1, 0))
         row_heights = (sparse.diags_array(heights) @ abs(rows).sign()).max(axis=0).toarray().ravel()
         columns[columns <= _LOST * row_heights] = columns[-1] = 1.0
         units = sparse.diags_array(1.0 / columns)
