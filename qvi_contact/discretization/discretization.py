@@ -5,7 +5,7 @@ In `docs/theory.md`: (D1), (D2).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, get_args
@@ -15,7 +15,13 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, acts, instance_of, whole_number
 from qvi_contact.basics.schema import WithFields
-from qvi_contact.discretization.displacements import DisplacementSpace, corners_that_jump, supports, triangle
+from qvi_contact.discretization.displacements import (
+    DisplacementSpace,
+    PrescribedDisplacements,
+    corners_that_jump,
+    supports,
+    triangle,
+)
 from qvi_contact.discretization.energy import BodyStiffness, Root, Springs
 from qvi_contact.discretization.loads import (
     ContactRows,
@@ -120,15 +126,24 @@ class Discretization(WithFields, PicklesFields):
                 )
         if not self.problem.prescribed(Displacement):
             return tuple(remarks)
-        space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
-        remarks += supports(self.problem, space, self.scales, _MISFIT).jumps
+        remarks += self._supported_corners[1].jumps
         remarks += [
             f"At {place} a support and the obstacle of {name!r} demand displacements that differ by {excess:.3g} "
             "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements agree, or "
             "leave a free side between them."
-            for place, name, excess in corners_that_jump(self.problem, self.scales, _MISFIT)
+            for place, name, excess in self.corners_that_jump(self.problem, _MISFIT)
         ]
         return tuple(remarks)
+
+    @cached_property
+    def _supported_corners(self) -> tuple[DisplacementSpace, PrescribedDisplacements]:
+        """Displacements of degree 1, and what supports prescribe of them."""
+        space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
+        return space, supports(self.problem, space, self.scales, _MISFIT)
+
+    def corners_that_jump(self, problem: ContactProblem, least: float) -> Iterator[tuple[str, str, float]]:
+        """See `displacements.corners_that_jump`; the problem has the same supports."""
+        return corners_that_jump(problem, self.scales, *self._supported_corners, least)
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """The discretisation of a problem that differs in friction, cohesion and caps only, in the same units."""

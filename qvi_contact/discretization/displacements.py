@@ -449,14 +449,15 @@ def supports(
     return PrescribedDisplacements(C, solved.basis, particular, (*reasons, *jumps), tuple(jumps))
 
 
-def corners_that_jump(problem: ContactProblem, scales: Scales, least: float) -> Iterator[tuple[str, str, float]]:
+def corners_that_jump(
+    problem: ContactProblem, scales: Scales, space: DisplacementSpace, prescribed: PrescribedDisplacements, least: float
+) -> Iterator[tuple[str, str, float]]:
     """Contacts with vertices that supports move beyond the obstacle: place of the worst one, contact, and how far.
 
-    The distance [length] is more than a share `least` of displacements. Joints, springs, and plates driven by force
-    are left out, as they give way.
+    The distance [length] is more than a share `least` of displacements. The space has degree 1. Joints, springs, and
+    plates driven by force are left out, as they give way.
     """
-    space, ends = DisplacementSpace.of(problem, triangle(1), scales.length), np.array([0.0, 1.0])
-    prescribed = supports(problem, space, scales, least)
+    ends = np.array([0.0, 1.0])
     for direction, values, is_equation, edges, contact in bounds(problem):
         if contact is None:
             continue

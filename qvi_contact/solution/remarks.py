@@ -12,7 +12,6 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.schema import WithFields
-from qvi_contact.discretization.displacements import corners_that_jump
 from qvi_contact.discretization.loads import joined
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
@@ -66,13 +65,13 @@ def _turning_plates(result: ContactResult) -> Iterator[str]:
 
 def _stopped_plates(result: ContactResult) -> Iterator[str]:
     """Sentences about driven plates that move farther on this mesh than a support in a corner allows on any."""
-    problem, scales = result.problem, result.discretization.scales
+    problem = result.problem
     motions = {row.contact: result.plates[row.contact] for row in result.discretization.plates.rows}
     if not (motions and problem.prescribed(Displacement)):
         return
     plates = {name: RigidPlate(x=m.x, y=m.y, rotation=m.rotation, pivot=m.centre) for name, m in motions.items()}
     moved = with_contacts(problem, lambda each: replace(each, plate=plates.get(each.name, each.plate)))
-    for place, name, excess in corners_that_jump(moved, scales, _STOPPED):
+    for place, name, excess in result.discretization.corners_that_jump(moved, _STOPPED):
         if name in motions:
             yield (
                 f"At {place} a support stops the plate of {name!r}, which moves {excess:.3g} [length] too far. On "
