@@ -32,8 +32,7 @@ Matrix: TypeAlias = NDArray[np.float64]
 Sparse: TypeAlias = csc_array
 """Two-dimensional float64 array in compressed columns, the form that every back end reads.
 
-Not csc_array[np.float64]: SciPy 1.15 does not support it, and scipy-stubs does not know that such an array times a
-vector is a vector.
+Not csc_array[np.float64]: scipy-stubs does not know that such an array times a vector is a vector.
 """
 
 SparseRows: TypeAlias = csr_array
