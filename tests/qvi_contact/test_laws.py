@@ -248,6 +248,8 @@ class TestBilateralFriction:
         ({"friction": lambda x, _: 0.3 + 0.0 * x}, "edges"),
         ({"friction": lambda x, _: 0.3 + 0.1 * x}, "points"),
         ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "points"),  # at a node
+        ({"friction": lambda x, _: np.abs(x + 0.1 - 0.1 - x)}, "edges"),  # zero up to rounding
+        ({"friction": 0.3, "cohesion": lambda x, _: np.abs(x + 0.1 - 0.1 - x)}, "edges"),
         ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "edges"),
         ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "points"),
         ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "points"),
