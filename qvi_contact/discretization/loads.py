@@ -26,8 +26,6 @@ LOAD_POINTS = 8
 
 _ROUNDING = 1e-9  # difference from a polynomial over the largest value, up to which it is rounding
 _SAMPLES: FloatArray = np.linspace(0.0, 1.0, 9)  # places on an edge where a contact law is sampled
-_VARIES = 1e-12  # change of a contact law along an edge over its largest value or unit, up to which it is rounding
-_SLOPES = 8.0  # rounding of a second difference over that of one value
 _ON_ARCS: Final = 8  # more Gauss points on arcs, whose normals and tangents turn by 90° at most
 
 
@@ -289,12 +287,10 @@ def laws_vary(problem: ContactProblem) -> bool:
         for name in SHEAR_LAW:
             field = getattr(contact, name)
             if callable(field):
-                edges = problem.mesh.edges(contact.edges)
-                values = evaluate(f"Contact.{name}", field, *problem.mesh.points_along(edges, _SAMPLES), minimum=0.0)
-                order, unit = (1, 1.0) if name == "friction" else (2, Scales.of(problem).stress)
-                rounding = _VARIES * max(unit, values.max())  # terms of the field may cancel
-                rounding = rounding + _SLOPES * rounding_along(problem.mesh.vertices, edges) * np.ptp(values, axis=1)
-                if (np.abs(np.diff(values, n=order, axis=1)).max(axis=1) > rounding).any():
+                x, y = problem.mesh.points_along(problem.mesh.edges(contact.edges), _SAMPLES)
+                values = evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
+                most, unit = (0, 1.0) if name == "friction" else (1, Scales.of(problem).stress)
+                if not spanned(values, legendre_basis(most, _SAMPLES), unit):  # its terms may cancel each other
                     return True
     return False
 

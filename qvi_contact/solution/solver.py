@@ -204,8 +204,7 @@ def _with_proof(result: ContactResult) -> ContactResult:
         proof += "no such proof was found for the body"
     else:
         return result
-    count = result.iterations
-    message = f"{status.words} after {counted(count, 'iteration')}; {proof}. {status.advice}"
+    message = f"{status.words} after {counted(result.iterations, 'iteration')}; {proof}. {status.advice}"
     proved = ContactResult(result.discretization, replace(result.solution, status=status, message=message))
     vars(proved)["mechanism"] = mechanism  # computed anew, it could miss the deadline
     return proved
