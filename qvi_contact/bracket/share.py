@@ -41,7 +41,7 @@ AWAY = 3.0
 """Where displacements slip although |s| < 1, the opening is at least this times μ |v_T − w|, see `docs/theory.md`."""
 _FAR = 2.0  # times that opening, in the solution: edges on which displacements may slip either way
 _SLIPS = 1e-6  # relative distance of friction from its bound, below which it has reached the bound
-_TRIALS = 4  # sets of inner coefficients of s and of pressure that may change; in the last trial the set is empty
+_TRIALS = 8  # sets of inner coefficients of s and of pressure that may change; in the last trial the set is empty
 _SAME = 1e-14  # of a datum: smaller differences are rounding
 _MET = 1e-8  # of the largest bound: misfit of the shear up to which the share counts as met
 

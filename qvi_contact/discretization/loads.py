@@ -26,7 +26,6 @@ LOAD_POINTS = 8
 
 _ROUNDING = 1e-9  # difference from a polynomial over the largest value, up to which it is rounding
 _SAMPLES: FloatArray = np.linspace(0.0, 1.0, 9)  # places on an edge where a contact law is sampled
-_VARIES = 1e-12  # change of a contact law along an edge over its largest value, up to which it is rounding
 _ON_ARCS: Final = 8  # more Gauss points on arcs, whose normals and tangents turn by 90° at most
 
 
@@ -290,8 +289,8 @@ def laws_vary(problem: ContactProblem) -> bool:
             if callable(field):
                 x, y = problem.mesh.points_along(problem.mesh.edges(contact.edges), _SAMPLES)
                 values = evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
-                change = np.diff(values, n=1 if name == "friction" else 2, axis=1)
-                if np.abs(change).max() > _VARIES * np.abs(values).max():
+                most, unit = (0, 1.0) if name == "friction" else (1, Scales.of(problem).stress)
+                if not spanned(values, legendre_basis(most, _SAMPLES), unit):  # its terms may cancel each other
                     return True
     return False
 

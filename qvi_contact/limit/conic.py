@@ -321,7 +321,7 @@ class ConicProgram:
             H = sparse.csc_array(G.T @ G + _DAMPED * sparse.eye_array(len(self.q)))
             to_unknowns = units @ linalg.splu(H).solve((E @ units).T.toarray())
         square = sparse.csc_array(E @ to_unknowns)
-        largest = float(np.abs(square.diagonal()).max())
+        largest = float(np.abs(square.diagonal()).max()) or 1.0  # loads of zero have the equation 0 = 0
         return to_unknowns, linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
 
     def blocks(self, x: FloatArray) -> FloatArray:
@@ -395,9 +395,9 @@ class ConicProgram:
         heads = self._heads[self._has_rows]
         column = sparse.csr_array((np.full(len(heads), unit), (heads, 0 * heads)), shape=(len(self.b), 1))
         row, most = np.append(0.0 * self.q, 1.0), _NEAR if self.dependent else 1.0
-        price = 0.0 * row
-        if self.dependent:
-            price[:-1] = _SMALL * np.asarray(self.A[self._heads[self.linear :]].mean(axis=0)).ravel()
+        price, of_cones = 0.0 * row, self._heads[self.linear :]
+        if self.dependent and len(of_cones):
+            price[:-1] = _SMALL * np.asarray(self.A[of_cones].mean(axis=0)).ravel()
         program = self._extended(-row - price, row[None], np.array([most]), column)
         found = program.solve((_USUAL,))  # without an interior others find it only up to 1e-4
         return (np.zeros(0), -np.inf) if isinstance(found, str) else (self.projected(found.x[:-1]), float(found.x[-1]))

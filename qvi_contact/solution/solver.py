@@ -201,9 +201,10 @@ def _with_proof(result: ContactResult) -> ContactResult:
     elif result.status is Status.INFEASIBLE:
         status = Status.INFEASIBLE_ON_MESH
         proof = "no traction of this mesh carries the load, proved by multipliers (Farkas) checked on the data; "
-        proof += "there is no such proof for the body"
+        proof += "no such proof was found for the body"
     else:
         return result
-    count = result.iterations
-    message = f"{status.words} after {counted(count, 'iteration')}; {proof}. {status.advice}"
-    return ContactResult(result.discretization, replace(result.solution, status=status, message=message))
+    message = f"{status.words} after {counted(result.iterations, 'iteration')}; {proof}. {status.advice}"
+    proved = ContactResult(result.discretization, replace(result.solution, status=status, message=message))
+    vars(proved)["mechanism"] = mechanism  # computed anew, it could miss the deadline
+    return proved

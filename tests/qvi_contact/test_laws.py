@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import Expression, InputError, discretize, solve, verify_result
+from qvi_contact import Expression, InputError, Polynomial, discretize, solve, verify_result
 from qvi_contact.gallery import exact
 from qvi_contact.mesh import TriangleMesh, graded_lines
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
@@ -63,13 +63,8 @@ class TestSameInOtherWords:
 
     def test_tied_is_a_displacement(self, mesh, material):
         """With an obstacle that is curved and moves along."""
-
-        def gap(x, y):
-            return 1e-4 * (1.0 + x**2) + 0.0 * y
-
-        def offset(x, y):
-            return 3e-4 * x**3 + 0.0 * y  # of a degree that four Gauss points integrate
-
+        gap = Polynomial([[1e-4], [0.0], [1e-4]])
+        offset = Polynomial([[0.0], [0.0], [0.0], [3e-4]])  # of a degree that four Gauss points integrate
         held = Displacement("bottom", x=offset, y=lambda x, y: -gap(x, y))
         expected = solved(punched(mesh, material, held))
         result = solved(punched(mesh, material, Contact.tied("bottom", gap, offset, name="b")))
@@ -195,6 +190,7 @@ def test_uzawa_finds_the_same_state():
      ({"friction": 0.0, "law": "tied", "shear_limit": 1.0}, "Contact.shear_limit"),
      ({"friction": lambda x, _: x, "law": "tied"}, "Contact.friction"),
      ({"friction": 0.1, "plate": "steel"}, "Contact.plate"),
+     ({"friction": 0.1, "normal_stiffness": 0.0}, "Contact.normal_stiffness"),
      ({"friction": 0.0, "law": "tied", "pore_pressure": 1.0}, "Contact.pore_pressure")],
 )  # fmt: skip
 def test_wrong_laws_are_refused(arguments, field):
@@ -248,6 +244,8 @@ class TestBilateralFriction:
         ({"friction": lambda x, _: 0.3 + 0.0 * x}, "edges"),
         ({"friction": lambda x, _: 0.3 + 0.1 * x}, "points"),
         ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "points"),  # at a node
+        ({"friction": lambda x, _: np.abs(x + 0.1 - 0.1 - x)}, "edges"),  # zero up to rounding
+        ({"friction": 0.3, "cohesion": lambda x, _: np.abs(x + 0.1 - 0.1 - x)}, "edges"),
         ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "edges"),
         ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "points"),
         ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "points"),

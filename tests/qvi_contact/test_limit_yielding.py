@@ -497,8 +497,10 @@ def test_what_rigid_parts_hold_has_no_limit():
     loads = [Traction("left", x=1.0, y=0.1), Traction("right", x=0.0, y=0.0), Traction("top", x=0.0, y=-0.5)]
     material, rock = Material(1.0, 0.3, "strain", Tresca(1.0)), Region(Material(1.0, 0.3, "strain"), name="rock")
     problem = ContactProblem(mesh, material, [Displacement("bottom", x=0.0, y=0.0), *loads], regions=[rock])
-    limit = limit_load_factor(problem, ["left"], degree=3)
-    assert (limit.lower, limit.upper) == (np.inf, np.inf)
+    weak = block(Tresca(1.0), 0.3, 0.5, shear=0.0, cohesion=1e-3)  # all rigid beside its base, and a load of zero
+    for each, name in ((problem, "left"), (weak, "shear")):
+        limit = limit_load_factor(each, [name], degree=3)
+        assert (limit.lower, limit.upper) == (np.inf, np.inf)
 
 
 def test_stresses_of_rigid_parts_that_no_row_sees_are_none():

@@ -54,14 +54,18 @@ class TestTippingWall:
             assert found.work > found.resistance >= 0.0
 
     @pytest.mark.parametrize("mesh", ["one cell", "rectangles"])
-    def test_solving_near_the_limit(self, mesh):
+    def test_solving_near_the_limit(self, mesh, monkeypatch):
         """0.9 of the load is beyond these meshes, but nobody says that it is beyond the wall."""
+        asked = []
+        counted = lambda each: asked.append(each) or find_mechanism(each)  # noqa: E731
+        monkeypatch.setattr("qvi_contact.mechanism.find_mechanism", counted)
         below, above = (solve(wall(WALLS[mesh], 6.25 * share)) for share in (0.9, 1.1))
         assert below.status is Status.INFEASIBLE_ON_MESH
         assert (below.mechanism, below.has_state) == (None, False)
         assert above.status is Status.INFEASIBLE
         assert above.mechanism.overload == pytest.approx(1.1, rel=EXACT)
         assert above.mechanism.contacts["base"].opens
+        assert asked == [below.problem, above.problem]  # once each: a second time it could miss the deadline
         plate = replace(Contact.tied("top"), plate=RigidPlate(force_x=0.0, force_y=0.0, moment=0.0))
         base, wind, top, right = below.problem.conditions
         for each in (top, plate):  # of a load that is zero: no multiple helps this mesh

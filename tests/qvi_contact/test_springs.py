@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from qvi_contact import Expression, InputError, TriangleMesh, discretize, solve
+from qvi_contact import Expression, TriangleMesh, discretize, solve
 from qvi_contact.bracket import computed_norm
-from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 
 E, NU = 1000.0, 0.0
@@ -153,13 +152,3 @@ def test_friction_on_springs_along_a_contact_only_is_not_bounded():
     bracket = solve(pressed(2, 0.3, {"tangential_stiffness": 100.0})).bracket
     assert bracket.coulomb is None
     assert "'bottom'" in bracket.coulomb_reason
-
-
-def test_files_hold_them():
-    base = Contact("bottom", 0.3, normal_stiffness=50.0, tangential_stiffness=Expression("10 + x"))
-    problem = column(base, Contact("joint", 0.0, law="tied"), Contact("top", 0.3, gap=-0.01))
-    again = problem_from_toml(problem_to_toml(problem)).problem.contacts[0]
-    assert again.normal_stiffness == 50.0
-    assert again.tangential_stiffness == base.tangential_stiffness
-    with pytest.raises(InputError, match="rigid"):
-        Contact("bottom", 0.3, normal_stiffness=0.0)

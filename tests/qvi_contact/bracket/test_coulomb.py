@@ -298,6 +298,11 @@ def test_stresses_made_bad_at_random_are_never_closer_than_said():
     assert max(ratios) < 8.0
 
 
+def test_pressures_give_way_one_after_another_until_the_share_is_continuous():
+    """On this wall seven at first, then one more each time; another order of the triangles needed one time less."""
+    assert solve(load_problem(EXAMPLES / "dry_stone_wall.toml").problem).bracket.coulomb_reason == ""
+
+
 def test_a_pin_in_its_bore():
     """Its pressure stops it. Far from it displacements may slip either way, and s is 0: else the norm is above 2."""
     problem = load_problem(EXAMPLES / "lug.toml").problem
