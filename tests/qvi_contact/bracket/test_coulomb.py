@@ -15,13 +15,16 @@ from scipy.linalg import eigh
 
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, Region, RigidPlate, Traction, solve
 from qvi_contact.bracket import (
+    Certainty,
     Share,
     amplification,
     coercivity,
     computed_norm,
     defect_bound,
+    document,
     error_bound,
     friction_norm,
+    lines,
     rectangle_constant,
     rectangle_norm,
     slip_work,
@@ -129,6 +132,25 @@ def test_bodies_without_loads_and_open_contacts_cost_nothing():
     left, bottom, _, contact = (plate := compressed_plate(0.2, (2, 2))).conditions
     pulled = replace(plate, conditions=[left, bottom, Traction("right", 5.0, 0.0), replace(contact, gap=1e-5)])
     assert solve(pulled, method="fixed-point").bracket.coulomb.relative_error < 1e-5
+
+
+def test_wide_bounds_that_are_proved_come_with_an_estimate():
+    """At μ = 0.5 all sticks, as at μ = 1, whose force is settled."""
+    found = solve(compressed_plate(0.5, (4, 4))).bracket
+    proved, likely = found.coulomb, found.coulomb.likely
+    assert (proved.guaranteed, likely.guaranteed, likely.likely) == (True, False, None)
+    assert likely.within == pytest.approx(error_bound(likely.residual, likely.defect, likely.norm.value))
+    assert likely.within < proved.within / 1.5
+    widths = []
+    for bounds in (proved, likely):
+        lower, upper = bounds.forces["plate.normal_force"]
+        assert lower < 214.367658387 < upper
+        widths.append(upper - lower)
+    assert widths[1] < 0.6 * widths[0]
+    assert found.certainty is Certainty.GUARANTEED
+    assert f"{likely.forces['plate.normal_force'].lower:.9g}" in " ".join(lines(found))
+    assert document(found)["coulomb"]["likely_error"] == likely.relative_error
+    assert solve(compressed_plate(0.2, (3, 3))).bracket.coulomb.likely is None
 
 
 class TestNorms:
