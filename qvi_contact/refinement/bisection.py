@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -33,6 +33,7 @@ from qvi_contact.problem.problem import ContactProblem, by_cell
 from qvi_contact.refinement.measure import FORCES, PLATE_FORCES, Measure
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History, solve_history
+from qvi_contact.solution.remarks import stopped_plates
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import discretized, solve
 from qvi_contact.solution.stress import loads_followed
@@ -63,6 +64,7 @@ class RefinementStatus(Ending):
         "thin_cells",
         "The cells with the largest error are as thin as double precision allows: accept the estimate.",
     )
+    NO_LIMIT = "no_limit", "On finer meshes the quantity tends to no limit, or too slowly: change the data as advised."
     UNSOLVED = "unsolved", "A problem of the refinement was not solved. Its message says what to do."
     TIME_LIMIT = (
         "time_limit",
@@ -112,6 +114,7 @@ class Round:
     parts: FloatArray  # (cells,): contributions of cells to the error, in any unit
     finer: Callable[[], TriangleMesh]  # makes the mesh of the next round, or stops
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
+    no_limit: str = ""  # why the quantity tends to no limit; empty if nothing is known
 
     @property
     def indicator(self) -> FloatArray:
@@ -144,6 +147,8 @@ _ABOVE: Final = 4.0  # largest part of a triangle in a corner, over the smallest
 _DEEPEST: Final = 3  # largest number of bisections in a corner in one round
 _THINNEST: Final = 1e-9  # smallest edge, over the body's length
 _SAFETY: Final = 1.5  # estimate over difference: the error of the reference may be a third of the answer's
+_FASTER: Final = 0.5  # share of its size that an estimate may lose in a round in which the energy stays
+_EXACT: Final = 1e-6  # of the numbers beside it: a smaller difference of a quantity is rounding
 _NEAR: Final = 0.1  # largest accuracy of an inaccurate reference solution, over the difference from it
 _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
@@ -183,29 +188,22 @@ class TriangleRefinement:
 
     def assessed(self, mesh: TriangleMesh, answer: ContactResult | History, earlier: Sequence[Round]) -> Round:
         """The error of an answer by bounds, if there are any, else by a reference solution."""
-        results, measure = steps_of(answer), self.measure
-        last = results[-1]
+        measure, last = self.measure, steps_of(answer)[-1]
         unknowns = last.discretization.qvi.n
-        if answer.status is not Status.SOLVED:
-            status = _STOPS.get(answer.status, RefinementStatus.UNSOLVED)
-            if answer.status is Status.INACCURATE and last.has_state:
-                unit = last.certificate.scales.get("stress", 1.0) * last.discretization.scales.stress
-                if last.stress_rounding > last.certificate.tolerance * unit:  # rounding alone exceeds the tolerance
-                    status = RefinementStatus.THIN_CELLS
-            raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
+        _stop_if_unsolved(answer, last)
         value = self._value(answer)
         unit, where = measure.unit(last, value), places(answer)
         bounds = comparison = self._bounds(answer, value, earlier)
-        if comparison is None:
+        no_limit = "" if comparison is not None else why_no_limit(measure, last)
+        if comparison is None and not no_limit:
             comparison = self._compared(answer, value, unit, where)
-        if comparison is None and any(np.isfinite(each.record.estimate) for each in earlier):  # no bounds, no reference
-            status = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
-            raise StopError(status, f"the accuracy of the answer with {unknowns} unknowns could not be determined")
+            if comparison is None and any(np.isfinite(each.record.estimate) for each in earlier):
+                status = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
+                raise StopError(status, f"the accuracy of the answer with {unknowns} unknowns could not be determined")
         if comparison is None:
             comparison = Comparison(np.inf, Certainty.ESTIMATE, np.ones(mesh.cell_count))
         if earlier and comparison.certainty is Certainty.ESTIMATE:
-            step = abs(comparison.reference - earlier[-1].reference)  # the error is at least as large as this change
-            comparison = comparison._replace(error=float(np.fmax(comparison.error, _SAFETY * step)))
+            comparison = self._after(earlier[-1], comparison)
         unit = unit or float(np.nan_to_num(abs(comparison.reference)))  # the value may be zero on this mesh alone
         estimate, parts = comparison.error / unit if unit != 0.0 else 0.0, comparison.parts
         marked, deeper = np.ones(mesh.cell_count, dtype=bool), tuple[IntArray, ...]()
@@ -217,7 +215,9 @@ class TriangleRefinement:
                 deeper = _deeper(mesh, where.corners, parts, self.settings.target / (estimate or 1.0))
         record = RefinementRound(mesh.cell_count, unknowns, value, estimate, comparison.certainty)
         finer, reference = partial(_finer, mesh, marked, deeper), comparison.reference
-        return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer, reference=reference)
+        return Round(
+            answer=answer, record=record, unit=unit, parts=parts, finer=finer, reference=reference, no_limit=no_limit
+        )
 
     def _bounds(self, answer: ContactResult | History, value: float, earlier: Sequence[Round]) -> Comparison | None:
         """The error by bounds; None if there are none, after they failed, or, if asked for, were useless twice."""
@@ -255,7 +255,10 @@ class TriangleRefinement:
                 reference = self._value(found)
             except QVIError:
                 continue
-            difference, accuracy = abs(reference - value), max(each.certificate.accuracy for each in references)
+            difference, accuracy = (
+                self._difference(abs(reference - value), results[-1], references[-1]),
+                max(each.certificate.accuracy for each in references),
+            )
             is_near = found.status is Status.INACCURATE and accuracy * unit <= _NEAR * difference
             if np.isfinite(difference) and (found.status is Status.SOLVED or is_near):
                 accuracy_of_answer = max(each.certificate.accuracy for each in results) * unit
@@ -274,11 +277,44 @@ class TriangleRefinement:
             return solve_history(steps, **options)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
 
+    def _after(self, before: Round, found: Comparison) -> Comparison:
+        """A comparison with at least the error that the round before makes likely.
+
+        It is about as large as the change of the reference. Without numbers beside it, an estimate falls to no less
+        than half the share to which the energy of the difference falls: what falls faster may agree by chance.
+        """
+        least = _SAFETY * abs(found.reference - before.reference)  # NaN without one of the references
+        if self.measure.beside is None and np.isfinite(before.reference) and before.parts.any():
+            fall = min(float(found.parts.sum() / before.parts.sum()), 1.0)
+            least = np.fmax(least, _FASTER * fall * before.record.estimate * before.unit)
+        return found._replace(error=float(np.fmax(found.error, least)))
+
+    def _difference(self, own: float, answer: ContactResult, reference: ContactResult) -> float:
+        """The difference of the quantity, at least the share of those beside it; less is chance, unless it is rounding.
+
+        Symmetry makes a number exact whose companions are not.
+        """
+        if self.measure.beside is None:
+            return own
+        least = float(np.linalg.norm(self.measure.beside(reference) - self.measure.beside(answer)))
+        return max(own, least) if own > _EXACT * least else own
+
     def _value(self, answer: ContactResult | History) -> float:
         """The quantity; of a history in its last step, but the friction work of all steps."""
         if isinstance(answer, History) and self.measure.kind == "dissipation":
             return float(answer.dissipated.sum())
         return self.measure.value(steps_of(answer)[-1])
+
+
+def _stop_if_unsolved(answer: ContactResult | History, last: ContactResult) -> None:
+    """`StopError` if an answer, with the result of its last step, is not solved."""
+    if answer.status is not Status.SOLVED:
+        status = _STOPS.get(answer.status, RefinementStatus.UNSOLVED)
+        if answer.status is Status.INACCURATE and last.has_state:
+            unit = last.certificate.scales.get("stress", 1.0) * last.discretization.scales.stress
+            if last.stress_rounding > last.certificate.tolerance * unit:  # rounding alone exceeds the tolerance
+                status = RefinementStatus.THIN_CELLS
+        raise StopError(status, f"the mesh with {last.discretization.qvi.n} unknowns: {answer.message}")
 
 
 def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:
@@ -328,6 +364,16 @@ class Comparison(NamedTuple):
     certainty: Certainty  # whether it is a bound
     parts: FloatArray  # (cells,): part of each cell in the difference [stress × length²], ≥ 0
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
+
+
+def why_no_limit(measure: Measure, result: ContactResult) -> str:
+    """Why a quantity tends to no limit on finer meshes, by data that contradict each other in corners; else empty.
+
+    Between supports and obstacles that disagree, forces and energies grow without limit. A plate that a support stops
+    comes to rest very slowly, and with it all that it loads.
+    """
+    named = [(name, why) for name, why in result.discretization.contradictions if measure.diverges_at(name)]
+    return next(chain((why for _, why in named), stopped_plates(result)), "")
 
 
 def is_useless(result: ContactResult) -> bool:

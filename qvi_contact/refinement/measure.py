@@ -52,6 +52,9 @@ _UNITS: Final = {
 }
 """Units of the kinds of numbers, by their names in `Units`; all other kinds are forces."""
 
+_LOADS: Final = (*FORCES, *PLATE_FORCES, "pressure")  # kinds that grow without limit where displacements jump
+_OF_NORMAL_FORCE: Final = 0.25  # share of the normal force beside a tangential one, which is often far smaller
+
 _SMALL: Final = 1e-6  # of the problem's unit: least reference of relative errors
 _ON: Final = 1e-6  # of the body's length: distance from a contact that is rounding
 _LOOK: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # samples on an edge for extremes, not at vertices
@@ -66,6 +69,12 @@ class Measure:
     value: Callable[[ContactResult], float]  # the number
     kind: str = ""  # such as "normal_force", "slip" or "von_mises"; empty for a function
     point: bool = False  # whether it belongs to a point given by its coordinates
+    # numbers with errors of its size, times a share: of a stress all stresses there, of friction the normal force
+    beside: Callable[[ContactResult], FloatArray | float] | None = None
+
+    def diverges_at(self, contact: str) -> bool:
+        """Whether it grows without limit if displacements jump at a corner of a contact, "" for one of supports."""
+        return self.kind == "energy" or (self.name.startswith(f"{contact}.") and self.kind in _LOADS)
 
     def unit(self, result: ContactResult, value: float) -> float:
         """The reference of its relative error."""
@@ -101,7 +110,9 @@ class Measure:
         extremes = f"largest or smallest along edges, as in {next(iter(lines), 'EDGES')}.largest_von_mises"
         known_name("quantity", quantity if point is None else f"{base_name}(x, y)", {"numbers": names}, extremes)
         if point is None:
-            return cls(quantity, lambda result: _number(result, owner, kind), kind)
+            normal = partial(_number, owner=owner, kind="normal_force", share=_OF_NORMAL_FORCE)
+            value, beside = partial(_number, owner=owner, kind=kind), normal if kind == "tangential_force" else None
+            return cls(quantity, value, kind, beside=beside)
         if kind == "slip":
             _places_on(problem.mesh, problem.mesh.edges(lines[owner]), point)  # or an error
             return cls(quantity, partial(_slip, name=owner, point=point), kind, point=True)
@@ -110,7 +121,8 @@ class Measure:
             raise InputError("quantity", quantity, "give a point inside the body")
         t = problem.mesh.reference(cell, point[None]).clip(0.0)  # rounding may put a point outside of finer triangles
         point = (problem.mesh.placed(cell, t / t.sum()) @ problem.mesh.corners[cell[0]]).ravel()
-        return cls(quantity, partial(_stress, component=kind, point=point), kind, point=True)
+        value = partial(_stress, component=kind, point=point)
+        return cls(quantity, value, kind, point=True, beside=partial(_half_stress, point=point))
 
 
 def unit_of(quantity: str, units: Units) -> str:
@@ -131,12 +143,12 @@ def _with_point(quantity: str) -> tuple[str, FloatArray | None]:
     raise InputError("quantity", quantity, f"give the coordinates of a point, as in {called}(0.5, 1.0)")
 
 
-def _number(result: ContactResult, owner: str, kind: str) -> float:
-    """An energy, or a force or motion on a contact."""
+def _number(result: ContactResult, owner: str, kind: str, share: float = 1.0) -> float:
+    """An energy, or a share of a force or motion on a contact."""
     if kind in _ENERGIES:
         return float(result.energies.complementary if kind == "energy" else result.energies.dissipation)
     if kind in FORCES:
-        return float(getattr(result.contacts[owner], kind))
+        return share * float(getattr(result.contacts[owner], kind))
     if kind in PLATE_FORCES:
         return float(getattr(result.plate_force(owner), PLATE_FORCES[kind]))
     return float(getattr(result.plates[owner], kind))
@@ -146,6 +158,11 @@ def _stress(result: ContactResult, component: str, point: FloatArray) -> float:
     """A stress at a point; where cells meet, of their mean stress."""
     stress = stress_at(result.discretization, result.dofs, *point)
     return float(stress_component(stress[:3], component, float(stress[3])))
+
+
+def _half_stress(result: ContactResult, point: FloatArray) -> FloatArray:
+    """Half the stresses at a point (3,), shear by √2, so that the length is half the size of the tensor."""
+    return 0.5 * np.sqrt([1.0, 1.0, 2.0]) * stress_at(result.discretization, result.dofs, *point)[:3]
 
 
 def _slip(result: ContactResult, name: str, point: FloatArray) -> float:

@@ -5,13 +5,14 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from qvi_contact import InputError, Polynomial, RefinementStatus, RigidPlate, TriangleMesh, refine, solve
 from qvi_contact.basics import solving
 from qvi_contact.bracket import bracket
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
-from qvi_contact.refinement import bounded, bulk, energies_between, places, reference_problem
+from qvi_contact.refinement import Measure, bounded, bulk, energies_between, places, reference_problem
 from solvers import Status
 from solvers.basics import Progress, report
 from tests.cases import refused_at
@@ -188,6 +189,57 @@ class TestReferenceSolution:
         assert np.array_equal(fine.vertices[: len(problem.mesh.vertices)], problem.mesh.vertices)
         assert fine.finest[at.corners].max() == pytest.approx(1 / 32)
         assert len(problem.mesh.cells) < len(fine.cells) < 200
+
+
+class TestAgreementByChance:
+    """An answer that equals its reference in one number, which both miss."""
+
+    def test_of_a_stress(self):
+        """Where the difference of σyy changes its sign; degree 8 on a finer mesh has digits to spare."""
+        answer = solve(problem := plate(0.2), degree=5)
+        reference = solve(reference_problem(problem, places(answer)), degree=6)
+        exact = solve(replace(problem, mesh=problem.mesh.refined().refined()), degree=8)
+        y = brentq(lambda y: (answer.stress(0.7, y) - reference.stress(0.7, y))[1], 0.6193, 0.6303, xtol=1e-5)
+        outcome = refine(problem, None, 1e-2, f"yy(0.7, {y!r})", max_rounds=1)
+        error = abs(outcome.value - exact.stress(0.7, y)[1])
+        assert outcome.error > error > 10.0 * abs(outcome.value - reference.stress(0.7, y)[1])
+
+    def test_of_a_force_along_the_contact(self):
+        difference = solve(problem := plate(0.2), degree=3).contacts["plate"].normal_force - FORCES[0.2]
+        measure = Measure.of(problem, "plate.tangential_force")
+        assert measure.beside(solve(problem, degree=3)) == pytest.approx(0.25 * (FORCES[0.2] + difference))
+
+    def test_of_any_number_in_one_round(self):
+        """The energy of the difference falls by a factor that is known, the estimate by at most twice that."""
+        values, energies = iter([1.0, 1.2, 1.2, 1.2]), [refine(plate(), None, 1e-9, max_rounds=2)]
+        outcome = refine(plate(), None, 1e-9, lambda _: next(values), max_rounds=2)
+        first, second = (each.estimate * abs(each.value) for each in outcome.rounds)
+        gaps = [each.estimate for each in energies[0].rounds]
+        assert first == pytest.approx(0.3)
+        assert second / first == pytest.approx(0.5 * gaps[1] / gaps[0], rel=0.2)
+
+
+@pytest.mark.parametrize("quantity", ["base.normal_force", "energy"])
+def test_forces_between_a_support_and_an_obstacle_that_disagree_are_never_reached(quantity):
+    """They grow by the same number with each bisection of the corner; stresses far away settle."""
+    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0).with_edges("held", lambda x, y: (x < 1.0) & (y < 1e-6))
+    mesh = mesh.with_edges("base", lambda x, y: (x > 1.0) & (y < 1e-6))
+    conditions = [Contact("base", 0.1, gap=-1e-6), Displacement("held", 0.0, 0.0), Displacement("top", 0.0, -1e-3)]
+    problem = ContactProblem(mesh, Material(2.1e5, 0.3), [*conditions, *FREE])
+    outcome = refine(problem, None, 0.5, quantity)
+    assert (outcome.status, outcome.estimate, len(outcome.rounds)) == (RefinementStatus.NO_LIMIT, np.inf, 1)
+    assert "(1, 0)" in outcome.reason
+    assert refine(problem, None, 0.1, "yy(1.7, 0.9)").status is RefinementStatus.REACHED
+
+
+def test_a_plate_that_a_support_stops_never_comes_to_rest():
+    """Exactly it does not move; a computed motion falls by a sixth a round, less than the difference of a reference."""
+    sides = [Displacement(side, x=0.0, y=0.0) for side in ("left", "right", "bottom")]
+    plate = Contact.tied("top")
+    plate = replace(plate, plate=RigidPlate(force_y=-5.0))
+    problem = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(2.1e5, 0.3, "strain"), [plate, *sides])
+    outcome = refine(problem, None, 0.9, "top.y")
+    assert (outcome.status, outcome.estimate) == (RefinementStatus.NO_LIMIT, np.inf)
 
 
 def test_errors_of_a_callback_are_the_callers():
