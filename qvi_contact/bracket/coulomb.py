@@ -75,8 +75,6 @@ class CoulombBounds(WithFields):
     stress: ContactResult
     displacement: CompanionResult
     """The results with the stress τ + η and the displacement v."""
-    likely: CoulombBounds | None = None
-    """The estimated bounds by the norm of finite elements, if F is guaranteed, but more than 1.5 times as large."""
 
     def __repr__(self) -> str:
         return f"<CoulombBounds {self.message}>"
@@ -88,6 +86,16 @@ class CoulombBounds(WithFields):
         A dual problem is solved on first use. A force without a bound is left out, see (D31).
         """
         return coulomb_force_bounds(self)
+
+    @cached_property
+    def likely(self) -> CoulombBounds | None:
+        """The estimated bounds by the norm of finite elements; None unless F is guaranteed, and 1.5 times as large."""
+        if not self.guaranteed or self.within <= _WIDER * error_bound(self.residual, self.defect, 0.0):
+            return None  # a norm below 0 there is not
+        norm = likely_norm(self.stress.problem, self.shares)
+        within = error_bound(self.residual, self.defect, norm.value)
+        is_wider = self.within > _WIDER * within
+        return replace(self, norm=norm, within=within, reasons=(norm.reason,)) if is_wider else None
 
     @property
     def error(self) -> float:
@@ -139,39 +147,12 @@ class CoulombBounds(WithFields):
             error = "the error of the stresses may be as large as they are. Refine the mesh."
         scope = f"It holds for solutions{self.scope}, as {self.norm.stopped[0].energies.cause}." if self.scope else ""
         bound = f"{self.kind.capitalize()} bound under friction: {error}"
-        likely = ""
-        if self.likely is not None:
-            likely = f"An estimate is {100.0 * self.likely.relative_error:.2g} %, by the computed norm of friction."
+        likely = "" if self.likely is None else f"An estimate is {100.0 * self.likely.relative_error:.2g} %."
         return " ".join(filter(None, [bound, likely, scope, *self.reasons, *self.places[:1]]))
 
 
-_FAR: Final = 10.0  # norms of the stress: a distance from there on is told by the size of the other stresses
 _WIDER: Final = 1.5  # a guaranteed F over an estimated one, from which on users get both
-
-
-def _refusal(stress: SharedStress, tractions: EdgeTractions, companion: CompanionResult) -> str:
-    """Why a stress or a displacement is not admissible; empty if both are."""
-    result, known = stress.result, stress.result.discretization
-    excess, tension = tractions.violations(tractions.bound)
-    # the size of rounding counts too: without loads there is nothing else
-    allowed = LOOSEST * max(tractions.size, known.scales.loaded * result.certificate.scales.get("stress", 0.0))
-    for rows in known.contacts:
-        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > allowed:
-            return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
-    if companion.state is None:
-        return f"No admissible displacement was found: {companion.message}"
-    if companion.state.contradiction:
-        return companion.state.contradiction
-    state = companion.state
-    rounding = _rounding(state)
-    if (_opening(state, stress.shares) < -rounding).any():
-        return "No displacement was found that is far enough from an obstacle where it may slip either way."
-    return ""
-
-
-def _rounding(state: CompanionState) -> float:
-    """Openings up to this size are rounding, dimensionless."""
-    return _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
+_FAR: Final = 10.0  # norms of the stress: a distance from there on is told by the size of the other stresses
 
 
 def coulomb_bounds(
@@ -184,10 +165,20 @@ def coulomb_bounds(
     reasons = tuple(dict.fromkeys((*reasons, *companion.reasons)))
     result, shares, known = stress.result, stress.shares, stress.result.discretization
     tractions, unit, problem = EdgeTractions.of(known, result.dofs), known.scales.stress, known.problem
-    refusal = _refusal(stress, tractions, companion)
-    if refusal or companion.state is None:
-        return refusal
+    excess, tension = tractions.violations(tractions.bound)
+    # the size of rounding counts too: without loads there is nothing else
+    allowed = LOOSEST * max(tractions.size, known.scales.loaded * result.certificate.scales.get("stress", 0.0))
+    for rows in known.contacts:
+        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > allowed:
+            return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
+    if companion.state is None:
+        return f"No admissible displacement was found: {companion.message}"
+    if companion.state.contradiction:
+        return companion.state.contradiction
     state = companion.state
+    rounding = _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
+    if (_opening(state, shares) < -rounding).any():
+        return "No displacement was found that is far enough from an obstacle where it may slip either way."
     # ½ρ² by cell, with springs, and δ by contact edge
     fields, earlier = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, tractions, tractions.bound, companion)
@@ -205,27 +196,16 @@ def coulomb_bounds(
     pressures, distance = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)
     for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
         if trace.contact.law == "unilateral":
-            is_closed = distance[trace.start + trace.columns].max(axis=1, keepdims=True) <= _rounding(state)
+            is_closed = distance[trace.start + trace.columns].max(axis=1, keepdims=True) <= rounding
             pressures[trace.name] = np.where(is_closed, np.maximum(-tractions.normal[rows.edges], 0.0), 0.0)
-    eta_size, arguments = float(np.sqrt(2.0 * fields.less(earlier).energy)), (unit, pressures, error_of, size)
-
-    def bounds(norm: FrictionNorm) -> CoulombBounds:
-        """The bounds by one norm."""
-        r, indicator = norm.value, 0.0 * half_square
-        error = error_of(r) if error_of(r) < norm.reach else np.inf
-        if r < LARGEST:
-            indicator = 2.0 * amplification(r) ** 2 * half_square + by_cell(problem, defects) / coercivity(r)
-        all_reasons = reasons if norm.proved else (*reasons, norm.reason)
-        parts = (norm, residual, defect, error, eta_size, size, indicator, all_reasons, stress.places)
-        return CoulombBounds(shares, *parts, result, companion)
-
-    found = bounds(friction_norm(problem, shares, *arguments))
-    if found.norm.proved and found.within > _WIDER * error_of(0.0):  # no norm is below 0
-        norm = likely_norm(problem, shares, *arguments)
-        likely = None if norm is None else bounds(norm)
-        if likely is not None and found.within > _WIDER * likely.within:
-            found = replace(found, likely=likely) if found.guaranteed else likely
-    return found
+    norm = friction_norm(problem, shares, unit, pressures, error_of, size)
+    r, indicator, eta_size = norm.value, 0.0 * half_square, float(np.sqrt(2.0 * fields.less(earlier).energy))
+    error = error_of(r) if error_of(r) < norm.reach else np.inf
+    if r < LARGEST:
+        indicator = 2.0 * amplification(r) ** 2 * half_square + by_cell(problem, defects) / coercivity(r)
+    all_reasons = reasons if norm.proved else (*reasons, norm.reason)
+    parts = (norm, residual, defect, error, eta_size, size, indicator, all_reasons, stress.places)
+    return CoulombBounds(shares, *parts, result, companion)
 
 
 def _either_way(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:

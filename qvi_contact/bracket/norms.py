@@ -349,9 +349,6 @@ class FrictionNorm:
         return min(norms[each.energies] * error**2 + each.work(shares, error, X) for each, X in sums)
 
 
-_TOO_MANY: Final = FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
-
-
 def friction_norm(
     problem: ContactProblem, shares: Mapping[str, Share], unit: float = 1.0,
     pressures: Mapping[str, FloatArray] = MappingProxyType({}), error: Callable[[float], float] = amplification,
@@ -367,23 +364,13 @@ def friction_norm(
     by_proof = FrictionNorm(proved, True, f"The norm of the friction operator is at most {proved:.4g}.")
     if proved < LARGEST and error(proved) <= size:
         return by_proof
-    found = likely_norm(problem, shares, unit, pressures, error, size)
-    return found or by_proof if proved < LARGEST else found or _TOO_MANY
-
-
-def likely_norm(
-    problem: ContactProblem, shares: Mapping[str, Share], unit: float, pressures: Mapping[str, FloatArray],
-    error: Callable[[float], float], size: float,
-) -> FrictionNorm | None:  # fmt: skip
-    """The norm by finite elements, with the arguments of `friction_norm`; None where contacts have too many edges."""
-    value = computed_norm(problem, shares)
+    likely = likely_norm(problem, shares)
+    value, energies, ways = likely.value, _ENERGIES[problem], list(likely.stopped)
     if np.isnan(value):
-        return None
-    energies, is_bounded = _ENERGIES[problem], value < LARGEST
-    nothing = np.zeros((len(energies.slips), 0))
-    ways = [Stopped(nothing, nothing[0], nothing[0], energies, value)] if is_bounded else []
-    if value < _SMALL or (is_bounded and energies.slip_basis.shape[1] > _QUICK):
-        return FrictionNorm(value, False, COMPUTED.format(value), tuple(ways))
+        too_many = FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
+        return by_proof if proved < LARGEST else too_many
+    if value < _SMALL or (ways and energies.slip_basis.shape[1] > _QUICK):
+        return likely
     ways += energies.stopped(shares, pressures, unit)
     if not ways:
         return FrictionNorm(value, False, TOO_LARGE.format(value) if value < np.inf else energies.unheld(shares))
@@ -401,6 +388,14 @@ def likely_norm(
         best = each if each.norm < best.norm and each.reach > error(best.norm) else best
     used = (each for each in valid if each.energies in (energies, best.energies) and each.reach > error(best.norm))
     return FrictionNorm(best.norm, False, COMPUTED.format(best.norm), tuple(used), valid[0].reach)
+
+
+def likely_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> FrictionNorm:
+    """The norm by finite elements on all displacements; infinite or NaN as in `computed_norm`."""
+    value = computed_norm(problem, shares)
+    nothing = np.zeros((len(_ENERGIES[problem].slips), 0))
+    ways = (Stopped(nothing, nothing[0], nothing[0], _ENERGIES[problem], value),) if value < LARGEST else ()
+    return FrictionNorm(value, False, COMPUTED.format(value), ways)
 
 
 def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], restricted: _Energies | None = None) -> float:

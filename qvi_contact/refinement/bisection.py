@@ -30,7 +30,7 @@ from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, by_cell
-from qvi_contact.refinement.measure import FORCES, PLATE_FORCES, Measure
+from qvi_contact.refinement.measure import FORCES, LOADS, PLATE_FORCES, Measure
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History, solve_history
 from qvi_contact.solution.remarks import stopped_plates
@@ -284,7 +284,7 @@ class TriangleRefinement:
         than half the share to which the energy of the difference falls: what falls faster may agree by chance.
         """
         least = _SAFETY * abs(found.reference - before.reference)  # NaN without one of the references
-        if self.measure.beside is None and np.isfinite(before.reference) and before.parts.any():
+        if self.measure.alone and np.isfinite(before.reference) and before.parts.any():
             fall = min(float(found.parts.sum() / before.parts.sum()), 1.0)
             least = np.fmax(least, _FASTER * fall * before.record.estimate * before.unit)
         return found._replace(error=float(np.fmax(found.error, least)))
@@ -294,7 +294,7 @@ class TriangleRefinement:
 
         Symmetry makes a number exact whose companions are not.
         """
-        if self.measure.beside is None:
+        if self.measure.alone:
             return own
         least = float(np.linalg.norm(self.measure.beside(reference) - self.measure.beside(answer)))
         return max(own, least) if own > _EXACT * least else own
@@ -372,8 +372,10 @@ def why_no_limit(measure: Measure, result: ContactResult) -> str:
     Between supports and obstacles that disagree, forces and energies grow without limit. A plate that a support stops
     comes to rest very slowly, and with it all that it loads.
     """
-    named = [(name, why) for name, why in result.discretization.contradictions if measure.diverges_at(name)]
-    return next(chain((why for _, why in named), stopped_plates(result)), "")
+    is_load, name = measure.kind in LOADS, measure.name.rpartition(".")[0]
+    contradictions = result.discretization.contradictions
+    jumps = (why for contact, why in contradictions if measure.kind == "energy" or (is_load and contact == name))
+    return next(chain(jumps, stopped_plates(result)), "")
 
 
 def is_useless(result: ContactResult) -> bool:

@@ -41,6 +41,7 @@ Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
 FORCES: Final = ("normal_force", "tangential_force")
 PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
+LOADS: Final = (*FORCES, *PLATE_FORCES, "pressure")
 _MOTIONS: Final = ("x", "y", "rotation")
 _ENERGIES: Final = ("energy", "dissipation")
 _UNITS: Final = {
@@ -51,9 +52,6 @@ _UNITS: Final = {
     **dict.fromkeys((*COMPONENTS, "pressure"), "stress"),
 }
 """Units of the kinds of numbers, by their names in `Units`; all other kinds are forces."""
-
-_LOADS: Final = (*FORCES, *PLATE_FORCES, "pressure")  # kinds that grow without limit where displacements jump
-_OF_NORMAL_FORCE: Final = 0.25  # share of the normal force beside a tangential one, which is often far smaller
 
 _SMALL: Final = 1e-6  # of the problem's unit: least reference of relative errors
 _ON: Final = 1e-6  # of the body's length: distance from a contact that is rounding
@@ -68,13 +66,7 @@ class Measure:
     name: str  # see `refine`
     value: Callable[[ContactResult], float]  # the number
     kind: str = ""  # such as "normal_force", "slip" or "von_mises"; empty for a function
-    point: bool = False  # whether it belongs to a point given by its coordinates
-    # numbers with errors of its size, times a share: of a stress all stresses there, of friction the normal force
-    beside: Callable[[ContactResult], FloatArray | float] | None = None
-
-    def diverges_at(self, contact: str) -> bool:
-        """Whether it grows without limit if displacements jump at a corner of a contact, "" for one of supports."""
-        return self.kind == "energy" or (self.name.startswith(f"{contact}.") and self.kind in _LOADS)
+    point: FloatArray | None = None  # (2,), if it belongs to a point given by its coordinates
 
     def unit(self, result: ContactResult, value: float) -> float:
         """The reference of its relative error."""
@@ -83,6 +75,17 @@ class Measure:
         scales = result.discretization.scales
         least = Rounding.of(scales.stress, scales.displacement, scales.length, _SMALL)
         return max(abs(value), getattr(least, _UNITS.get(self.kind, "force")) if self.kind else 0.0)
+
+    @property
+    def alone(self) -> bool:
+        """Whether there are no numbers `beside` it."""
+        return self.kind != "tangential_force" and (self.point is None or self.kind not in COMPONENTS)
+
+    def beside(self, result: ContactResult) -> FloatArray:
+        """Numbers that err by about as much, times a share: half of all stresses at a point; ¼ of the normal force."""
+        if self.point is None:
+            return np.array([0.25 * result.contacts[self.name.rpartition(".")[0]].normal_force])
+        return 0.5 * np.sqrt([1.0, 1.0, 2.0]) * stress_at(result.discretization, result.dofs, *self.point)[:3]
 
     @classmethod
     def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
@@ -110,19 +113,16 @@ class Measure:
         extremes = f"largest or smallest along edges, as in {next(iter(lines), 'EDGES')}.largest_von_mises"
         known_name("quantity", quantity if point is None else f"{base_name}(x, y)", {"numbers": names}, extremes)
         if point is None:
-            normal = partial(_number, owner=owner, kind="normal_force", share=_OF_NORMAL_FORCE)
-            value, beside = partial(_number, owner=owner, kind=kind), normal if kind == "tangential_force" else None
-            return cls(quantity, value, kind, beside=beside)
+            return cls(quantity, lambda result: _number(result, owner, kind), kind)
         if kind == "slip":
             _places_on(problem.mesh, problem.mesh.edges(lines[owner]), point)  # or an error
-            return cls(quantity, partial(_slip, name=owner, point=point), kind, point=True)
+            return cls(quantity, partial(_slip, name=owner, point=point), kind, point)
         cell = problem.mesh.around(point[None])[1][:1]
         if not len(cell):
             raise InputError("quantity", quantity, "give a point inside the body")
         t = problem.mesh.reference(cell, point[None]).clip(0.0)  # rounding may put a point outside of finer triangles
         point = (problem.mesh.placed(cell, t / t.sum()) @ problem.mesh.corners[cell[0]]).ravel()
-        value = partial(_stress, component=kind, point=point)
-        return cls(quantity, value, kind, point=True, beside=partial(_half_stress, point=point))
+        return cls(quantity, partial(_stress, component=kind, point=point), kind, point)
 
 
 def unit_of(quantity: str, units: Units) -> str:
@@ -143,12 +143,12 @@ def _with_point(quantity: str) -> tuple[str, FloatArray | None]:
     raise InputError("quantity", quantity, f"give the coordinates of a point, as in {called}(0.5, 1.0)")
 
 
-def _number(result: ContactResult, owner: str, kind: str, share: float = 1.0) -> float:
-    """An energy, or a share of a force or motion on a contact."""
+def _number(result: ContactResult, owner: str, kind: str) -> float:
+    """An energy, or a force or motion on a contact."""
     if kind in _ENERGIES:
         return float(result.energies.complementary if kind == "energy" else result.energies.dissipation)
     if kind in FORCES:
-        return share * float(getattr(result.contacts[owner], kind))
+        return float(getattr(result.contacts[owner], kind))
     if kind in PLATE_FORCES:
         return float(getattr(result.plate_force(owner), PLATE_FORCES[kind]))
     return float(getattr(result.plates[owner], kind))
@@ -158,11 +158,6 @@ def _stress(result: ContactResult, component: str, point: FloatArray) -> float:
     """A stress at a point; where cells meet, of their mean stress."""
     stress = stress_at(result.discretization, result.dofs, *point)
     return float(stress_component(stress[:3], component, float(stress[3])))
-
-
-def _half_stress(result: ContactResult, point: FloatArray) -> FloatArray:
-    """Half the stresses at a point (3,), shear by √2, so that the length is half the size of the tensor."""
-    return 0.5 * np.sqrt([1.0, 1.0, 2.0]) * stress_at(result.discretization, result.dofs, *point)[:3]
 
 
 def _slip(result: ContactResult, name: str, point: FloatArray) -> float:
@@ -239,7 +234,7 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
         raise InputError("result", result.status.value, "has no derivatives: give a solved result")
     _check_side(side)
     measure = Measure.of(result.problem, quantity)
-    at_point = measure.point and measure.kind in ("xx", "yy", "xy", "slip")
+    at_point = measure.point is not None and measure.kind in ("xx", "yy", "xy", "slip")
     if not at_point and measure.kind not in (*FORCES, *PLATE_FORCES, *_MOTIONS):  # no affine function of the solution
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)
