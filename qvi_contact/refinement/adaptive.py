@@ -254,11 +254,8 @@ def refine(
     Notes
     -----
     Where `Refinement.certainty` is "estimate", the error is 1.5 |q − q(reference solution)|, at least 1.5 times the
-    change of the reference since the round before, and at least the accuracy of the solves. So that no chance agreement
-    counts, a stress differs by at least half of what all stresses at its point differ by, and a tangential force by a
-    quarter of what the normal one does; in a round other estimates fall to no less than half the share to which the
-    energy of the difference falls. They are no bounds, see (D22) in `docs/theory.md`.
-    Rounds do not start from the answer before.
+    change of the reference since the round before, and at least the accuracy of the solves. Agreement by chance does
+    not count, see (D22) in `docs/theory.md`. It is no bound. Rounds do not start from the answer before.
 
     """
     steps = tuple(problem) if isinstance(problem, Sequence) else (problem,)

@@ -55,21 +55,12 @@ class RefinementStatus(Ending):
         "The error is within the target, but no guaranteed bound, as was asked for: accept it as it is, or read why in "
         "result.bracket (reasons, coulomb, coulomb_reason).",
     )
-    UNKNOWNS = (
-        "unknowns",
-        "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the estimate.",
-    )
+    UNKNOWNS = "unknowns", "The next mesh has more unknowns than allowed: raise max_unknowns, or accept the estimate."
     ROUNDS = "rounds", "The rounds are used up: raise max_rounds, or accept the estimate."
-    THIN_CELLS = (
-        "thin_cells",
-        "The cells with the largest error are as thin as double precision allows: accept the estimate.",
-    )
+    THIN_CELLS = "thin_cells", "Where the error is largest, cells cannot be thinner in double precision: accept it."
     NO_LIMIT = "no_limit", "On finer meshes the quantity tends to no limit, or too slowly: change the data as advised."
     UNSOLVED = "unsolved", "A problem of the refinement was not solved. Its message says what to do."
-    TIME_LIMIT = (
-        "time_limit",
-        "The time limit was reached: allow more time (time_limit), or accept the estimate of the last round.",
-    )
+    TIME_LIMIT = "time_limit", "The time limit was reached: raise time_limit, or accept the estimate of the last round."
 
 
 @dataclass(frozen=True)
@@ -203,7 +194,8 @@ class TriangleRefinement:
         if comparison is None:
             comparison = Comparison(np.inf, Certainty.ESTIMATE, np.ones(mesh.cell_count))
         if earlier and comparison.certainty is Certainty.ESTIMATE:
-            comparison = self._after(earlier[-1], comparison)
+            least = _least_error(earlier[-1], comparison, measure.alone)
+            comparison = comparison._replace(error=float(np.fmax(comparison.error, least)))
         unit = unit or float(np.nan_to_num(abs(comparison.reference)))  # the value may be zero on this mesh alone
         estimate, parts = comparison.error / unit if unit != 0.0 else 0.0, comparison.parts
         marked, deeper = np.ones(mesh.cell_count, dtype=bool), tuple[IntArray, ...]()
@@ -255,10 +247,11 @@ class TriangleRefinement:
                 reference = self._value(found)
             except QVIError:
                 continue
-            difference, accuracy = (
-                self._difference(abs(reference - value), results[-1], references[-1]),
-                max(each.certificate.accuracy for each in references),
-            )
+            difference, accuracy = abs(reference - value), max(each.certificate.accuracy for each in references)
+            if not self.measure.alone:  # a far smaller difference is chance, unless it is rounding, as by symmetry
+                around = self.measure.beside(references[-1]) - self.measure.beside(results[-1])
+                least = float(np.linalg.norm(around))
+                difference = max(difference, least) if difference > _EXACT * least else difference
             is_near = found.status is Status.INACCURATE and accuracy * unit <= _NEAR * difference
             if np.isfinite(difference) and (found.status is Status.SOLVED or is_near):
                 accuracy_of_answer = max(each.certificate.accuracy for each in results) * unit
@@ -277,33 +270,24 @@ class TriangleRefinement:
             return solve_history(steps, **options)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
 
-    def _after(self, before: Round, found: Comparison) -> Comparison:
-        """A comparison with at least the error that the round before makes likely.
-
-        It is about as large as the change of the reference. Without numbers beside it, an estimate falls to no less
-        than half the share to which the energy of the difference falls: what falls faster may agree by chance.
-        """
-        least = _SAFETY * abs(found.reference - before.reference)  # NaN without one of the references
-        if self.measure.alone and np.isfinite(before.reference) and before.parts.any():
-            fall = min(float(found.parts.sum() / before.parts.sum()), 1.0)
-            least = np.fmax(least, _FASTER * fall * before.record.estimate * before.unit)
-        return found._replace(error=float(np.fmax(found.error, least)))
-
-    def _difference(self, own: float, answer: ContactResult, reference: ContactResult) -> float:
-        """The difference of the quantity, at least the share of those beside it; less is chance, unless it is rounding.
-
-        Symmetry makes a number exact whose companions are not.
-        """
-        if self.measure.alone:
-            return own
-        least = float(np.linalg.norm(self.measure.beside(reference) - self.measure.beside(answer)))
-        return max(own, least) if own > _EXACT * least else own
-
     def _value(self, answer: ContactResult | History) -> float:
         """The quantity; of a history in its last step, but the friction work of all steps."""
         if isinstance(answer, History) and self.measure.kind == "dissipation":
             return float(answer.dissipated.sum())
         return self.measure.value(steps_of(answer)[-1])
+
+
+def _least_error(before: Round, found: Comparison, alone: bool) -> float:
+    """The least error of a quantity that the round before makes likely, about the change of its reference.
+
+    The estimate of one without numbers beside it falls to no less than half the share to which the energy of the
+    difference falls: what falls faster may agree by chance.
+    """
+    least = _SAFETY * abs(found.reference - before.reference)  # NaN without one of the references
+    if alone and np.isfinite(before.reference) and before.parts.any():
+        fall = min(float(found.parts.sum() / before.parts.sum()), 1.0)
+        least = float(np.fmax(least, _FASTER * fall * before.record.estimate * before.unit))
+    return least
 
 
 def _stop_if_unsolved(answer: ContactResult | History, last: ContactResult) -> None:

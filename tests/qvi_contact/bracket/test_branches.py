@@ -50,7 +50,6 @@ def test_a_jammed_wedge_may_also_rest_higher_without_stress(friction):
     free = [Traction(side, 0.0, 0.0) for side in ("top", "bottom")]
     walls = [Contact(side, friction, gap=-1e-3) for side in ("left", "right")]
     jammed = solve(ContactProblem(mesh, Material(1e3, 0.3), [*walls, *free]), degree=3)
-    assert jammed.contacts["left"].normal_force > 0.1
     assert min(abs(each.energies.strain) for each in other_solutions(jammed).results) < 1e-12 < jammed.energies.strain
 
 
