@@ -279,7 +279,6 @@ _DEGREE: Final = 3  # of the displacements with which norms are computed
 _SMALL: Final = 0.5  # norm below which F is at most 1.13 times that of the norm 0: a smaller one is not worth the time
 _QUICK: Final = 400  # coefficients of slip up to which a norm below 2 is made smaller in a few seconds
 _MOTIONS: Final = 3  # up to this number of motions, the norm is computed for all combinations of their senses
-_USEFUL: Final = 1.6  # largest computed norm by which bounds are near errors: the factor f in (D28) is 4.6
 _PARTS: Final = (0.125, 0.25, 0.5, 1.0)  # λ in (D39), the part of the unused friction that is taken: r grows with λ
 _ALIKE: Final = 1e-6  # relative to a motion's largest coefficient: slips that differ by less are equal, or zero
 _STOPS: Final = 1e-6  # relative singular value of the means of motions over groups, below which a motion is not stopped
@@ -330,11 +329,6 @@ class FrictionNorm:
         sums = ((each, defect_bound(residual, defect, each.norm)) for each in self.stopped)
         found = (X + each.work(shares, error, X) for each, X in sums)
         return min(found, default=defect_bound(residual, defect, self.value))
-
-    @property
-    def useless(self) -> bool:
-        """Whether bounds are neither proved nor near errors. The norm is the body's: finer meshes do not help."""
-        return not self.proved and _USEFUL <= self.value < np.inf
 
     def work(
         self, problem: ContactProblem, shares: Mapping[str, Share], residual: float, defect: float, error: float

@@ -131,15 +131,14 @@ class Discretization(WithFields, PicklesFields):
         """Corners where displacements must jump: the name of the contact, "" between two supports, and a sentence."""
         if not self.problem.prescribed(Displacement):
             return ()
-        return *(("", sentence) for sentence in self._supported_corners[1].jumps), *(
-            (
-                name,
+        found = [("", sentence) for sentence in self._supported_corners[1].jumps]
+        for place, name, excess in self.corners_that_jump(self.problem, _MISFIT):
+            said = (
                 f"At {place} a support and the obstacle of {name!r} demand displacements that differ by {excess:.3g} "
-                "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements agree, "
-                "or leave a free side between them.",
             )
-            for place, name, excess in self.corners_that_jump(self.problem, _MISFIT)
-        )
+            said += "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements "
+            found.append((name, said + "agree, or leave a free side between them."))
+        return tuple(found)
 
     @cached_property
     def _supported_corners(self) -> tuple[DisplacementSpace, PrescribedDisplacements]:

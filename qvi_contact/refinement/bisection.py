@@ -50,11 +50,7 @@ class RefinementStatus(Ending):
     """How a refinement ended. The value is a word for files and tables, `advice` a sentence for the user."""
 
     REACHED = "reached", "Nothing to do: the error, estimated or bounded, is within the target."
-    NO_GUARANTEE = (
-        "no_guarantee",
-        "The error is within the target, but no guaranteed bound, as was asked for: accept it as it is, or read why in "
-        "result.bracket (reasons, coulomb, coulomb_reason).",
-    )
+    NO_GUARANTEE = "no_guarantee", "The error is within the target, but no guaranteed bound: result.bracket says why."
     UNKNOWNS = "unknowns", "The next mesh has more unknowns than allowed: raise max_unknowns, or accept the estimate."
     ROUNDS = "rounds", "The rounds are used up: raise max_rounds, or accept the estimate."
     THIN_CELLS = "thin_cells", "Where the error is largest, cells cannot be thinner in double precision: accept it."
@@ -139,6 +135,7 @@ _DEEPEST: Final = 3  # largest number of bisections in a corner in one round
 _THINNEST: Final = 1e-9  # smallest edge, over the body's length
 _SAFETY: Final = 1.5  # estimate over difference: the error of the reference may be a third of the answer's
 _FASTER: Final = 0.5  # share of its size that an estimate may lose in a round in which the energy stays
+_USEFUL: Final = 1.6  # largest computed norm by which bounds are near errors: the factor f in (D28) is 4.6
 _EXACT: Final = 1e-6  # of the numbers beside it: a smaller difference of a quantity is rounding
 _NEAR: Final = 0.1  # largest accuracy of an inaccurate reference solution, over the difference from it
 _STOPS: Final = {
@@ -363,8 +360,9 @@ def why_no_limit(measure: Measure, result: ContactResult) -> str:
 
 
 def is_useless(result: ContactResult) -> bool:
-    """Whether the bounds of a result are useless, on this mesh and on others, see `FrictionNorm.useless`."""
-    return result.bracket.coulomb is not None and result.bracket.coulomb.norm.useless
+    """Whether bounds are neither proved nor near errors. The norm is the body's: finer meshes do not help."""
+    coulomb = result.bracket.coulomb
+    return coulomb is not None and not coulomb.norm.proved and _USEFUL <= coulomb.norm.value < np.inf
 
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
