@@ -78,7 +78,7 @@ class Outcome(WithFields):
 
     @property
     def value(self) -> float:
-        """The quantity on the last mesh; NaN if that failed."""
+        """The quantity on the last mesh; NaN if that failed, or if the quantity tends to no limit."""
         return self.rounds[-1].value if self.rounds else float("nan")
 
     @property
@@ -105,7 +105,7 @@ class Outcome(WithFields):
     def message(self) -> str:
         """One sentence about the outcome."""
         if not self.rounds:
-            return f"{self.status.value}: no mesh was solved; {self.reason}"
+            return f"{self.status.value}: {self.quantity} has no value; {self.reason}"
         last = self.rounds[-1]
         is_bound = self.certainty is not Certainty.ESTIMATE
         error = f"relative error ({self.certainty})" if is_bound else "estimated relative error"
@@ -360,8 +360,6 @@ def _refined(
 def _stop_at_end(settings: Settings, rounds: Sequence[Round]) -> None:
     """`StopError` if the target is met, or time or rounds are used up."""
     record = rounds[-1].record
-    if rounds[-1].no_limit:
-        raise StopError(RefinementStatus.NO_LIMIT, rounds[-1].no_limit)
     if record.estimate <= settings.target:
         is_enough = record.guaranteed or not settings.guaranteed
         raise StopError(RefinementStatus.REACHED if is_enough else RefinementStatus.NO_GUARANTEE)

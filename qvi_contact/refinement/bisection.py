@@ -101,7 +101,6 @@ class Round:
     parts: FloatArray  # (cells,): contributions of cells to the error, in any unit
     finer: Callable[[], TriangleMesh]  # makes the mesh of the next round, or stops
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
-    no_limit: str = ""  # why the quantity tends to no limit; empty if nothing is known
 
     @property
     def indicator(self) -> FloatArray:
@@ -178,12 +177,18 @@ class TriangleRefinement:
         """The error of an answer by bounds, if there are any, else by a reference solution."""
         measure, last = self.measure, steps_of(answer)[-1]
         unknowns = last.discretization.qvi.n
-        _stop_if_unsolved(answer, last)
+        if answer.status is not Status.SOLVED:
+            status = _STOPS.get(answer.status, RefinementStatus.UNSOLVED)
+            if answer.status is Status.INACCURATE and last.has_state:
+                unit = last.certificate.scales.get("stress", 1.0) * last.discretization.scales.stress
+                if last.stress_rounding > last.certificate.tolerance * unit:  # rounding alone exceeds the tolerance
+                    status = RefinementStatus.THIN_CELLS
+            raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
         value = self._value(answer)
         unit, where = measure.unit(last, value), places(answer)
         bounds = comparison = self._bounds(answer, value, earlier)
-        no_limit = "" if comparison is not None else why_no_limit(measure, last)
-        if comparison is None and not no_limit:
+        if comparison is None:
+            _stop_without_limit(measure, last)
             comparison = self._compared(answer, value, unit, where)
             if comparison is None and any(np.isfinite(each.record.estimate) for each in earlier):
                 status = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
@@ -204,9 +209,7 @@ class TriangleRefinement:
                 deeper = _deeper(mesh, where.corners, parts, self.settings.target / (estimate or 1.0))
         record = RefinementRound(mesh.cell_count, unknowns, value, estimate, comparison.certainty)
         finer, reference = partial(_finer, mesh, marked, deeper), comparison.reference
-        return Round(
-            answer=answer, record=record, unit=unit, parts=parts, finer=finer, reference=reference, no_limit=no_limit
-        )
+        return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer, reference=reference)
 
     def _bounds(self, answer: ContactResult | History, value: float, earlier: Sequence[Round]) -> Comparison | None:
         """The error by bounds; None if there are none, after they failed, or, if asked for, were useless twice."""
@@ -287,17 +290,6 @@ def _least_error(before: Round, found: Comparison, alone: bool) -> float:
     return least
 
 
-def _stop_if_unsolved(answer: ContactResult | History, last: ContactResult) -> None:
-    """`StopError` if an answer, with the result of its last step, is not solved."""
-    if answer.status is not Status.SOLVED:
-        status = _STOPS.get(answer.status, RefinementStatus.UNSOLVED)
-        if answer.status is Status.INACCURATE and last.has_state:
-            unit = last.certificate.scales.get("stress", 1.0) * last.discretization.scales.stress
-            if last.stress_rounding > last.certificate.tolerance * unit:  # rounding alone exceeds the tolerance
-                status = RefinementStatus.THIN_CELLS
-        raise StopError(status, f"the mesh with {last.discretization.qvi.n} unknowns: {answer.message}")
-
-
 def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:
     """The results of all load steps."""
     return answer.steps if isinstance(answer, History) else (answer,)
@@ -347,8 +339,8 @@ class Comparison(NamedTuple):
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
 
 
-def why_no_limit(measure: Measure, result: ContactResult) -> str:
-    """Why a quantity tends to no limit on finer meshes, by data that contradict each other in corners; else empty.
+def _stop_without_limit(measure: Measure, result: ContactResult) -> None:
+    """`StopError` if a quantity tends to no limit on finer meshes, by data that contradict each other in corners.
 
     Between supports and obstacles that disagree, forces and energies grow without limit. A plate that a support stops
     comes to rest very slowly, and with it all that it loads.
@@ -356,7 +348,8 @@ def why_no_limit(measure: Measure, result: ContactResult) -> str:
     is_load, name = measure.kind in LOADS, measure.name.rpartition(".")[0]
     contradictions = result.discretization.contradictions
     jumps = (why for contact, why in contradictions if measure.kind == "energy" or (is_load and contact == name))
-    return next(chain(jumps, stopped_plates(result)), "")
+    for why in chain(jumps, stopped_plates(result)):
+        raise StopError(RefinementStatus.NO_LIMIT, why)
 
 
 def is_useless(result: ContactResult) -> bool:

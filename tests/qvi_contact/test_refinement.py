@@ -214,8 +214,7 @@ def test_forces_between_a_support_and_an_obstacle_that_disagree_are_never_reache
     conditions = [Contact("base", 0.1, gap=-1e-6), Displacement("held", 0.0, 0.0), Displacement("top", 0.0, -1e-3)]
     problem = ContactProblem(mesh, Material(2.1e5, 0.3), [*conditions, *FREE])
     outcome = refine(problem, None, 0.5, quantity)
-    assert (outcome.status, outcome.estimate, len(outcome.rounds)) == (RefinementStatus.NO_LIMIT, np.inf, 1)
-    assert "(1, 0)" in outcome.reason
+    assert (outcome.status, outcome.estimate, "(1, 0)" in outcome.reason) == (RefinementStatus.NO_LIMIT, np.inf, True)
     assert refine(problem, None, 0.1, "yy(1.7, 0.9)").status is RefinementStatus.REACHED
 
 
