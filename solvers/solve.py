@@ -348,8 +348,8 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
 # small steps, may end at another solution, as each step starts from the state before. That no other solution is found
 # proves nothing; `uniqueness` has a bound that does.
 
-WAYS: Final = ((0.4, 5), (0.4, 20), (0.6, 20), (0.85, 3), (1.3, 10))
-"""Paths of the friction: its first value over that of the problem, and the number of steps to 1."""
+WAYS: Final = ((0.02, 3), (0.4, 5), (0.4, 20), (0.6, 20), (0.85, 3), (1.3, 10))
+"""Paths of the friction: its first value over that of the problem, once so small that nothing jams, and steps to 1."""
 
 OTHER: Final = 1e-4
 """Difference of tractions, over the largest traction, above which two solutions count as different."""

@@ -378,10 +378,10 @@ class Branches(WithFields):
 def other_solutions(result: ContactResult, *, time_limit: float | None = None) -> Branches:
     """Look for other solutions of the discrete problem of a result, and prefer the one that displacements confirm.
 
-    Solutions are followed while friction grows or falls to its value from 0.4, 0.6, 0.85 and 1.3 times the value, in 3
-    to 20 steps. This takes as long as ten to thirty solves, and up to a hundred where the start of a step is far from
-    its solution. Only certified solutions count. If there are several, the displacement model is solved on the same
-    mesh, and they are sorted by
+    Solutions are followed while friction grows or falls to its value from 0.02, 0.4, 0.6, 0.85 and 1.3 times the value,
+    in 3 to 20 steps. This takes as long as ten to thirty solves, and up to a hundred where a step starts far from its
+    solution. Only certified solutions count. If there are several, the displacement model is solved on the same mesh,
+    and they are sorted by
 
         d² = ½ ∫ (cσ − ε(v)) : C : (cσ − ε(v)) dx / U,
 

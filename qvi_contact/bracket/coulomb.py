@@ -25,6 +25,7 @@ from qvi_contact.bracket.norms import (
     coercivity,
     error_bound,
     friction_norm,
+    likely_norm,
 )
 from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, edge_parts
 from qvi_contact.bracket.share import AWAY, Share, SharedStress, joined
@@ -80,11 +81,56 @@ class CoulombBounds(WithFields):
 
     @cached_property
     def forces(self) -> Mapping[str, Bounds]:
-        """Bounds [stress × length] by "NAME.normal_force" and "NAME.tangential_force" of contacts.
+        """T3: bounds [stress × length] of "NAME.normal_force" and "NAME.tangential_force" of contacts not tied.
 
-        A dual problem is solved on first use. A force without a bound is left out, see (D31).
+        A dual problem is solved on first use. A force without a dual pair is left out: friction on a contact that ends
+        where a support holds its tangential displacement, and all forces if a contact has Tresca's law. If the norm for
+        s is proved, the dual one must be, too. See (D31).
         """
-        return coulomb_force_bounds(self)
+        stress, companion = self.stress, self.displacement
+        problem, known, state, found = stress.problem, stress.discretization, companion.state, dict[str, Bounds]()
+        has_tresca = any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts)
+        if has_tresca or not np.isfinite(self.within) or state is None or 2 * state.contacts.count > MOST:
+            return {}
+        defect = self.norm.slack(self.shares, self.residual, self.defect, self.within)
+        fields = CellFields.of(known, stress.dofs, companion.degree)
+        body = BodyAtRest.of(problem, companion.degree)
+        changes = LeastChange.of(known.qvi.K, sparse.csr_array(sparse.vstack([known.qvi.N, known.qvi.T, known.qvi.A])))
+        for cut in _CUTS:
+            pairs = _Pairs(self, defect, known, state, body, fields, changes, cut)
+            for trace in body.contacts.traces:
+                parts = np.stack([np.full(trace.count, -1.0), trace.senses])  # a of the one force, b of the other
+                one_way = not np.ptp(trace.turned * trace.senses[trace.columns], axis=1).any()
+                wanted = {"normal": trace.contact.law != "tied", "tangential": one_way and trace.name in self.shares}
+                for row, direction in enumerate(wanted):
+                    goal, name = np.zeros((2, body.contacts.count)), f"{trace.name}.{direction}_force"
+                    goal[row, trace.here] = parts[row]
+                    bounds = pairs.bounds(goal) if wanted[direction] else None
+                    if bounds is not None:
+                        lower, upper = found.get(name, (-np.inf, np.inf))
+                        found[name] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
+        # the law's own bounds: no tension, and friction up to its bound
+        unit, contacts = self.displacement.scales.stress * self.displacement.scales.length, body.contacts
+        for trace in contacts.traces:
+            across, along = f"{trace.name}.normal_force", f"{trace.name}.tangential_force"
+            if across in found and trace.contact.law == "unilateral":
+                (lower, upper), fluid = found[across], unit * float(contacts.fluid[trace.here].sum())
+                found[across] = Bounds(max(lower, min(fluid, upper)), upper)
+                if along in found:
+                    most = self.shares[trace.name].friction * max(upper - fluid, 0.0)
+                    most += unit * float(contacts.law[1, trace.here] @ trace.weights)  # cohesion
+                    found[along] = Bounds(max(found[along].lower, -most), min(found[along].upper, most))
+        return found
+
+    @cached_property
+    def likely(self) -> CoulombBounds | None:
+        """The estimated bounds by the norm of finite elements; None unless F is guaranteed, and 1.5 times as large."""
+        if not self.guaranteed or self.within <= _WIDER * error_bound(self.residual, self.defect, 0.0):
+            return None  # a norm below 0 there is not
+        norm = likely_norm(self.stress.problem, self.shares)
+        within = error_bound(self.residual, self.defect, norm.value)
+        is_wider = self.within > _WIDER * within
+        return replace(self, norm=norm, within=within, reasons=(norm.reason,)) if is_wider else None
 
     @property
     def error(self) -> float:
@@ -136,9 +182,11 @@ class CoulombBounds(WithFields):
             error = "the error of the stresses may be as large as they are. Refine the mesh."
         scope = f"It holds for solutions{self.scope}, as {self.norm.stopped[0].energies.cause}." if self.scope else ""
         bound = f"{self.kind.capitalize()} bound under friction: {error}"
-        return " ".join(filter(None, [bound, scope, *self.reasons, *self.places[:1]]))
+        likely = "" if self.likely is None else f"An estimate is {100.0 * self.likely.relative_error:.2g} %."
+        return " ".join(filter(None, [bound, likely, scope, *self.reasons, *self.places[:1]]))
 
 
+_WIDER: Final = 1.5  # a guaranteed F over an estimated one, from which on users get both
 _FAR: Final = 10.0  # norms of the stress: a distance from there on is told by the size of the other stresses
 
 
@@ -224,48 +272,6 @@ _LOADED: Final = 1e-2  # of the largest stress: the least reference for pressure
 _ROUNDED: Final = 1e-12  # of the terms of a force: the rounding of their sum
 _ROUNDING: Final = 1e-9  # of the largest value: rounding where the dual pair or the opening must vanish
 _FAINT: Final = 1e-3  # of the unit of stress: the least reference for ζ, which is rounding if balance gives the force
-
-
-def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
-    """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
-
-    A force without a dual pair is left out: friction on a contact that ends where a support holds its tangential
-    displacement, and all forces if a contact has Tresca's law. If the norm for s is proved, the dual one must be, too.
-    """
-    stress, companion = errors.stress, errors.displacement
-    problem, known, state, found = stress.problem, stress.discretization, companion.state, dict[str, Bounds]()
-    has_tresca = any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts)
-    if has_tresca or not np.isfinite(errors.within) or state is None or 2 * state.contacts.count > MOST:
-        return {}
-    defect = errors.norm.slack(errors.shares, errors.residual, errors.defect, errors.within)
-    fields = CellFields.of(known, stress.dofs, companion.degree)
-    body = BodyAtRest.of(problem, companion.degree)
-    changes = LeastChange.of(known.qvi.K, sparse.csr_array(sparse.vstack([known.qvi.N, known.qvi.T, known.qvi.A])))
-    for cut in _CUTS:
-        pairs = _Pairs(errors, defect, known, state, body, fields, changes, cut)
-        for trace in body.contacts.traces:
-            parts = np.stack([np.full(trace.count, -1.0), trace.senses])  # a of the one force, b of the other
-            one_way = not np.ptp(trace.turned * trace.senses[trace.columns], axis=1).any()
-            wanted = {"normal": trace.contact.law != "tied", "tangential": one_way and trace.name in errors.shares}
-            for row, direction in enumerate(wanted):
-                goal, name = np.zeros((2, body.contacts.count)), f"{trace.name}.{direction}_force"
-                goal[row, trace.here] = parts[row]
-                bounds = pairs.bounds(goal) if wanted[direction] else None
-                if bounds is not None:
-                    lower, upper = found.get(name, (-np.inf, np.inf))
-                    found[name] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
-    # the law's own bounds: no tension, and friction up to its bound
-    unit, contacts = errors.displacement.scales.stress * errors.displacement.scales.length, body.contacts
-    for trace in contacts.traces:
-        across, along = f"{trace.name}.normal_force", f"{trace.name}.tangential_force"
-        if across in found and trace.contact.law == "unilateral":
-            (lower, upper), fluid = found[across], unit * float(contacts.fluid[trace.here].sum())
-            found[across] = Bounds(max(lower, min(fluid, upper)), upper)
-            if along in found:
-                most = errors.shares[trace.name].friction * max(upper - fluid, 0.0)
-                most += unit * float(contacts.law[1, trace.here] @ trace.weights)  # cohesion
-                found[along] = Bounds(max(found[along].lower, -most), min(found[along].upper, most))
-    return found
 
 
 class _Zones(NamedTuple):

@@ -279,7 +279,6 @@ _DEGREE: Final = 3  # of the displacements with which norms are computed
 _SMALL: Final = 0.5  # norm below which F is at most 1.13 times that of the norm 0: a smaller one is not worth the time
 _QUICK: Final = 400  # coefficients of slip up to which a norm below 2 is made smaller in a few seconds
 _MOTIONS: Final = 3  # up to this number of motions, the norm is computed for all combinations of their senses
-_USEFUL: Final = 1.6  # largest computed norm by which bounds are near errors: the factor f in (D28) is 4.6
 _PARTS: Final = (0.125, 0.25, 0.5, 1.0)  # λ in (D39), the part of the unused friction that is taken: r grows with λ
 _ALIKE: Final = 1e-6  # relative to a motion's largest coefficient: slips that differ by less are equal, or zero
 _STOPS: Final = 1e-6  # relative singular value of the means of motions over groups, below which a motion is not stopped
@@ -331,11 +330,6 @@ class FrictionNorm:
         found = (X + each.work(shares, error, X) for each, X in sums)
         return min(found, default=defect_bound(residual, defect, self.value))
 
-    @property
-    def useless(self) -> bool:
-        """Whether bounds are neither proved nor near errors. The norm is the body's: finer meshes do not help."""
-        return not self.proved and _USEFUL <= self.value < np.inf
-
     def work(
         self, problem: ContactProblem, shares: Mapping[str, Share], residual: float, defect: float, error: float
     ) -> float:
@@ -364,15 +358,13 @@ def friction_norm(
     by_proof = FrictionNorm(proved, True, f"The norm of the friction operator is at most {proved:.4g}.")
     if proved < LARGEST and error(proved) <= size:
         return by_proof
-    value = computed_norm(problem, shares)
+    likely = likely_norm(problem, shares)
+    value, energies, ways = likely.value, _ENERGIES[problem], list(likely.stopped)
     if np.isnan(value):
         too_many = FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
         return by_proof if proved < LARGEST else too_many
-    energies, is_bounded = _ENERGIES[problem], value < LARGEST
-    nothing = np.zeros((len(energies.slips), 0))
-    ways = [Stopped(nothing, nothing[0], nothing[0], energies, value)] if is_bounded else []
-    if value < _SMALL or (is_bounded and energies.slip_basis.shape[1] > _QUICK):
-        return FrictionNorm(value, False, COMPUTED.format(value), tuple(ways))
+    if value < _SMALL or (ways and energies.slip_basis.shape[1] > _QUICK):
+        return likely
     ways += energies.stopped(shares, pressures, unit)
     if not ways:
         return FrictionNorm(value, False, TOO_LARGE.format(value) if value < np.inf else energies.unheld(shares))
@@ -390,6 +382,14 @@ def friction_norm(
         best = each if each.norm < best.norm and each.reach > error(best.norm) else best
     used = (each for each in valid if each.energies in (energies, best.energies) and each.reach > error(best.norm))
     return FrictionNorm(best.norm, False, COMPUTED.format(best.norm), tuple(used), valid[0].reach)
+
+
+def likely_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> FrictionNorm:
+    """The norm by finite elements on all displacements; infinite or NaN as in `computed_norm`."""
+    value = computed_norm(problem, shares)
+    nothing = np.zeros((len(_ENERGIES[problem].slips), 0))
+    ways = (Stopped(nothing, nothing[0], nothing[0], _ENERGIES[problem], value),) if value < LARGEST else ()
+    return FrictionNorm(value, False, COMPUTED.format(value), ways)
 
 
 def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], restricted: _Energies | None = None) -> float:

@@ -202,6 +202,7 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
             "places": [units.filled(place) for place in bounds.places],
             "friction_norm": finite(bounds.norm.value),
             "relative_error": finite(bounds.relative_error),
+            "likely_error": None if bounds.likely is None else finite(bounds.likely.relative_error),
             "solutions_apart": finite(bounds.apart),
             "reach": finite(bounds.reach),
         }
@@ -229,8 +230,12 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.parts.items())
     if parts:
         yield f"duality gap [{units.energy}]: {parts}"
+    estimated = None if bracket.coulomb is None else bracket.coulomb.likely
+    likely = {} if estimated is None else estimated.forces
     for name, bounds in bracket.forces.items():
         kind = "" if bracket.coulomb is None else f", {bracket.coulomb.kind}"
+        if name in likely:
+            kind += f"; estimate: {likely[name].lower:.9g} to {likely[name].upper:.9g}"
         yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.force}{kind}"
     companion = bracket.companion
     if companion.has_state:

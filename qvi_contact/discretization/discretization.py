@@ -124,16 +124,21 @@ class Discretization(WithFields, PicklesFields):
                     "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
                     "clearance, give it a smaller radius."
                 )
+        return *remarks, *(sentence for _, sentence in self.contradictions)
+
+    @cached_property
+    def contradictions(self) -> tuple[tuple[str, str], ...]:
+        """Corners where displacements must jump: the name of the contact, "" between two supports, and a sentence."""
         if not self.problem.prescribed(Displacement):
-            return tuple(remarks)
-        remarks += self._supported_corners[1].jumps
-        remarks += [
-            f"At {place} a support and the obstacle of {name!r} demand displacements that differ by {excess:.3g} "
-            "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements agree, or "
-            "leave a free side between them."
-            for place, name, excess in self.corners_that_jump(self.problem, _MISFIT)
-        ]
-        return tuple(remarks)
+            return ()
+        found = [("", sentence) for sentence in self._supported_corners[1].jumps]
+        for place, name, excess in self.corners_that_jump(self.problem, _MISFIT):
+            said = (
+                f"At {place} a support and the obstacle of {name!r} demand displacements that differ by {excess:.3g} "
+            )
+            said += "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements "
+            found.append((name, said + "agree, or leave a free side between them."))
+        return tuple(found)
 
     @cached_property
     def _supported_corners(self) -> tuple[DisplacementSpace, PrescribedDisplacements]:

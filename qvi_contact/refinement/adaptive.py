@@ -78,7 +78,7 @@ class Outcome(WithFields):
 
     @property
     def value(self) -> float:
-        """The quantity on the last mesh; NaN if that failed."""
+        """The quantity on the last mesh; NaN if that failed, or if the quantity tends to no limit."""
         return self.rounds[-1].value if self.rounds else float("nan")
 
     @property
@@ -105,7 +105,7 @@ class Outcome(WithFields):
     def message(self) -> str:
         """One sentence about the outcome."""
         if not self.rounds:
-            return f"{self.status.value}: no mesh was solved; {self.reason}"
+            return f"{self.status.value}: {self.quantity} has no value; {self.reason}"
         last = self.rounds[-1]
         is_bound = self.certainty is not Certainty.ESTIMATE
         error = f"relative error ({self.certainty})" if is_bound else "estimated relative error"
@@ -254,8 +254,8 @@ def refine(
     Notes
     -----
     Where `Refinement.certainty` is "estimate", the error is 1.5 |q − q(reference solution)|, at least 1.5 times the
-    change of the reference since the round before, and at least the accuracy of the solves. It is no bound, see (D22)
-    in `docs/theory.md`. Rounds do not start from the answer before.
+    change of the reference since the round before, and at least the accuracy of the solves. Agreement by chance does
+    not count, see (D22) in `docs/theory.md`. It is no bound. Rounds do not start from the answer before.
 
     """
     steps = tuple(problem) if isinstance(problem, Sequence) else (problem,)

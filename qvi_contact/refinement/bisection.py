@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -30,9 +30,10 @@ from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, by_cell
-from qvi_contact.refinement.measure import FORCES, PLATE_FORCES, Measure
+from qvi_contact.refinement.measure import FORCES, LOADS, PLATE_FORCES, Measure
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History, solve_history
+from qvi_contact.solution.remarks import stopped_plates
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import discretized, solve
 from qvi_contact.solution.stress import loads_followed
@@ -49,25 +50,13 @@ class RefinementStatus(Ending):
     """How a refinement ended. The value is a word for files and tables, `advice` a sentence for the user."""
 
     REACHED = "reached", "Nothing to do: the error, estimated or bounded, is within the target."
-    NO_GUARANTEE = (
-        "no_guarantee",
-        "The error is within the target, but no guaranteed bound, as was asked for: accept it as it is, or read why in "
-        "result.bracket (reasons, coulomb, coulomb_reason).",
-    )
-    UNKNOWNS = (
-        "unknowns",
-        "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the estimate.",
-    )
+    NO_GUARANTEE = "no_guarantee", "The error is within the target, but no guaranteed bound: result.bracket says why."
+    UNKNOWNS = "unknowns", "The next mesh has more unknowns than allowed: raise max_unknowns, or accept the estimate."
     ROUNDS = "rounds", "The rounds are used up: raise max_rounds, or accept the estimate."
-    THIN_CELLS = (
-        "thin_cells",
-        "The cells with the largest error are as thin as double precision allows: accept the estimate.",
-    )
+    THIN_CELLS = "thin_cells", "Where the error is largest, cells cannot be thinner in double precision: accept it."
+    NO_LIMIT = "no_limit", "On finer meshes the quantity tends to no limit, or too slowly: change the data as advised."
     UNSOLVED = "unsolved", "A problem of the refinement was not solved. Its message says what to do."
-    TIME_LIMIT = (
-        "time_limit",
-        "The time limit was reached: allow more time (time_limit), or accept the estimate of the last round.",
-    )
+    TIME_LIMIT = "time_limit", "The time limit was reached: raise time_limit, or accept the estimate of the last round."
 
 
 @dataclass(frozen=True)
@@ -144,6 +133,9 @@ _ABOVE: Final = 4.0  # largest part of a triangle in a corner, over the smallest
 _DEEPEST: Final = 3  # largest number of bisections in a corner in one round
 _THINNEST: Final = 1e-9  # smallest edge, over the body's length
 _SAFETY: Final = 1.5  # estimate over difference: the error of the reference may be a third of the answer's
+_FASTER: Final = 0.5  # share of its size that an estimate may lose in a round in which the energy stays
+_USEFUL: Final = 1.6  # largest computed norm by which bounds are near errors: the factor f in (D28) is 4.6
+_EXACT: Final = 1e-6  # of the numbers beside it: a smaller difference of a quantity is rounding
 _NEAR: Final = 0.1  # largest accuracy of an inaccurate reference solution, over the difference from it
 _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
@@ -183,8 +175,7 @@ class TriangleRefinement:
 
     def assessed(self, mesh: TriangleMesh, answer: ContactResult | History, earlier: Sequence[Round]) -> Round:
         """The error of an answer by bounds, if there are any, else by a reference solution."""
-        results, measure = steps_of(answer), self.measure
-        last = results[-1]
+        measure, last = self.measure, steps_of(answer)[-1]
         unknowns = last.discretization.qvi.n
         if answer.status is not Status.SOLVED:
             status = _STOPS.get(answer.status, RefinementStatus.UNSOLVED)
@@ -197,15 +188,16 @@ class TriangleRefinement:
         unit, where = measure.unit(last, value), places(answer)
         bounds = comparison = self._bounds(answer, value, earlier)
         if comparison is None:
+            _stop_without_limit(measure, last)
             comparison = self._compared(answer, value, unit, where)
-        if comparison is None and any(np.isfinite(each.record.estimate) for each in earlier):  # no bounds, no reference
-            status = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
-            raise StopError(status, f"the accuracy of the answer with {unknowns} unknowns could not be determined")
+            if comparison is None and any(np.isfinite(each.record.estimate) for each in earlier):
+                status = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
+                raise StopError(status, f"the accuracy of the answer with {unknowns} unknowns could not be determined")
         if comparison is None:
             comparison = Comparison(np.inf, Certainty.ESTIMATE, np.ones(mesh.cell_count))
         if earlier and comparison.certainty is Certainty.ESTIMATE:
-            step = abs(comparison.reference - earlier[-1].reference)  # the error is at least as large as this change
-            comparison = comparison._replace(error=float(np.fmax(comparison.error, _SAFETY * step)))
+            least = _least_error(earlier[-1], comparison, measure.alone)
+            comparison = comparison._replace(error=float(np.fmax(comparison.error, least)))
         unit = unit or float(np.nan_to_num(abs(comparison.reference)))  # the value may be zero on this mesh alone
         estimate, parts = comparison.error / unit if unit != 0.0 else 0.0, comparison.parts
         marked, deeper = np.ones(mesh.cell_count, dtype=bool), tuple[IntArray, ...]()
@@ -256,6 +248,10 @@ class TriangleRefinement:
             except QVIError:
                 continue
             difference, accuracy = abs(reference - value), max(each.certificate.accuracy for each in references)
+            if not self.measure.alone:  # a far smaller difference is chance, unless it is rounding, as by symmetry
+                around = self.measure.beside(references[-1]) - self.measure.beside(results[-1])
+                least = float(np.linalg.norm(around))
+                difference = max(difference, least) if difference > _EXACT * least else difference
             is_near = found.status is Status.INACCURATE and accuracy * unit <= _NEAR * difference
             if np.isfinite(difference) and (found.status is Status.SOLVED or is_near):
                 accuracy_of_answer = max(each.certificate.accuracy for each in results) * unit
@@ -279,6 +275,19 @@ class TriangleRefinement:
         if isinstance(answer, History) and self.measure.kind == "dissipation":
             return float(answer.dissipated.sum())
         return self.measure.value(steps_of(answer)[-1])
+
+
+def _least_error(before: Round, found: Comparison, alone: bool) -> float:
+    """The least error of a quantity that the round before makes likely, about the change of its reference.
+
+    The estimate of one without numbers beside it falls to no less than half the share to which the energy of the
+    difference falls: what falls faster may agree by chance.
+    """
+    least = _SAFETY * abs(found.reference - before.reference)  # NaN without one of the references
+    if alone and np.isfinite(before.reference) and before.parts.any():
+        fall = min(float(found.parts.sum() / before.parts.sum()), 1.0)
+        least = float(np.fmax(least, _FASTER * fall * before.record.estimate * before.unit))
+    return least
 
 
 def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:
@@ -330,9 +339,23 @@ class Comparison(NamedTuple):
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
 
 
+def _stop_without_limit(measure: Measure, result: ContactResult) -> None:
+    """`StopError` if a quantity tends to no limit on finer meshes, by data that contradict each other in corners.
+
+    Between supports and obstacles that disagree, forces and energies grow without limit. A plate that a support stops
+    comes to rest very slowly, and with it all that it loads.
+    """
+    is_load, name = measure.kind in LOADS, measure.name.rpartition(".")[0]
+    contradictions = result.discretization.contradictions
+    jumps = (why for contact, why in contradictions if measure.kind == "energy" or (is_load and contact == name))
+    for why in chain(jumps, stopped_plates(result)):
+        raise StopError(RefinementStatus.NO_LIMIT, why)
+
+
 def is_useless(result: ContactResult) -> bool:
-    """Whether the bounds of a result are useless, on this mesh and on others, see `FrictionNorm.useless`."""
-    return result.bracket.coulomb is not None and result.bracket.coulomb.norm.useless
+    """Whether bounds are neither proved nor near errors. The norm is the body's: finer meshes do not help."""
+    coulomb = result.bracket.coulomb
+    return coulomb is not None and not coulomb.norm.proved and _USEFUL <= coulomb.norm.value < np.inf
 
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:

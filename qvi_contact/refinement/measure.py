@@ -41,6 +41,7 @@ Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
 FORCES: Final = ("normal_force", "tangential_force")
 PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
+LOADS: Final = (*FORCES, *PLATE_FORCES, "pressure")
 _MOTIONS: Final = ("x", "y", "rotation")
 _ENERGIES: Final = ("energy", "dissipation")
 _UNITS: Final = {
@@ -65,7 +66,7 @@ class Measure:
     name: str  # see `refine`
     value: Callable[[ContactResult], float]  # the number
     kind: str = ""  # such as "normal_force", "slip" or "von_mises"; empty for a function
-    point: bool = False  # whether it belongs to a point given by its coordinates
+    point: FloatArray | None = None  # (2,), if it belongs to a point given by its coordinates
 
     def unit(self, result: ContactResult, value: float) -> float:
         """The reference of its relative error."""
@@ -74,6 +75,17 @@ class Measure:
         scales = result.discretization.scales
         least = Rounding.of(scales.stress, scales.displacement, scales.length, _SMALL)
         return max(abs(value), getattr(least, _UNITS.get(self.kind, "force")) if self.kind else 0.0)
+
+    @property
+    def alone(self) -> bool:
+        """Whether there are no numbers `beside` it."""
+        return self.kind != "tangential_force" and (self.point is None or self.kind not in COMPONENTS)
+
+    def beside(self, result: ContactResult) -> FloatArray:
+        """Numbers that err by about as much, times a share: half of all stresses at a point; ¼ of the normal force."""
+        if self.point is None:
+            return np.array([0.25 * result.contacts[self.name.rpartition(".")[0]].normal_force])
+        return 0.5 * np.sqrt([1.0, 1.0, 2.0]) * stress_at(result.discretization, result.dofs, *self.point)[:3]
 
     @classmethod
     def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
@@ -104,13 +116,13 @@ class Measure:
             return cls(quantity, lambda result: _number(result, owner, kind), kind)
         if kind == "slip":
             _places_on(problem.mesh, problem.mesh.edges(lines[owner]), point)  # or an error
-            return cls(quantity, partial(_slip, name=owner, point=point), kind, point=True)
+            return cls(quantity, partial(_slip, name=owner, point=point), kind, point)
         cell = problem.mesh.around(point[None])[1][:1]
         if not len(cell):
             raise InputError("quantity", quantity, "give a point inside the body")
         t = problem.mesh.reference(cell, point[None]).clip(0.0)  # rounding may put a point outside of finer triangles
         point = (problem.mesh.placed(cell, t / t.sum()) @ problem.mesh.corners[cell[0]]).ravel()
-        return cls(quantity, partial(_stress, component=kind, point=point), kind, point=True)
+        return cls(quantity, partial(_stress, component=kind, point=point), kind, point)
 
 
 def unit_of(quantity: str, units: Units) -> str:
@@ -222,7 +234,7 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
         raise InputError("result", result.status.value, "has no derivatives: give a solved result")
     _check_side(side)
     measure = Measure.of(result.problem, quantity)
-    at_point = measure.point and measure.kind in ("xx", "yy", "xy", "slip")
+    at_point = measure.point is not None and measure.kind in ("xx", "yy", "xy", "slip")
     if not at_point and measure.kind not in (*FORCES, *PLATE_FORCES, *_MOTIONS):  # no affine function of the solution
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)

@@ -43,7 +43,7 @@ def remarks(result: ContactResult) -> tuple[str, ...]:
     """Sentences about approximated data, the solution's attempts, and the computed state, if there is one."""
     sentences = [*result.discretization.remarks, *result.solution.remarks, *_turning_plates(result)]
     if result.has_state:
-        sentences += [*_about_numbers(result), *_about_contacts(result), *_stopped_plates(result)]
+        sentences += [*_about_numbers(result), *_about_contacts(result), *stopped_plates(result)]
     return tuple(sentences)
 
 
@@ -63,7 +63,7 @@ def _turning_plates(result: ContactResult) -> Iterator[str]:
                 )
 
 
-def _stopped_plates(result: ContactResult) -> Iterator[str]:
+def stopped_plates(result: ContactResult) -> Iterator[str]:
     """Sentences about driven plates that move farther on this mesh than a support in a corner allows on any."""
     problem = result.problem
     motions = {row.contact: result.plates[row.contact] for row in result.discretization.plates.rows}

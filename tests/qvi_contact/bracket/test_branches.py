@@ -1,5 +1,6 @@
 """Several certified solutions of one discrete problem, and the one that displacements confirm."""
 
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -38,6 +39,18 @@ def test_several_solutions_are_certified_and_differ_whichever_is_given(several):
     assert f"{min(forces):.5g} to {max(forces):.5g} [stress × length]" in several.message
     again = other_solutions(several.results[-1])  # whichever is given, the same one is preferred
     assert force(again.preferred) == pytest.approx(force(several.preferred), rel=1e-4)
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.6, 1.5])
+def test_a_jammed_wedge_may_also_rest_higher_without_stress(friction):
+    """A slope of 1 : 10 and an interference of 1e-3: moved up by 0.01 it touches neither wall, at any friction."""
+    mesh = TriangleMesh.grid(np.linspace(-0.5, 0.5, 4), np.linspace(0.0, 1.0, 4))
+    x, y = mesh.vertices.T
+    mesh = replace(mesh, vertices=np.column_stack([x * (1.0 + 0.2 * y), y]))
+    free = [Traction(side, 0.0, 0.0) for side in ("top", "bottom")]
+    walls = [Contact(side, friction, gap=-1e-3) for side in ("left", "right")]
+    jammed = solve(ContactProblem(mesh, Material(1e3, 0.3), [*walls, *free]), degree=3)
+    assert min(abs(each.energies.strain) for each in other_solutions(jammed).results) < 1e-12 < jammed.energies.strain
 
 
 def test_distances_are_those_of_strains(several):

@@ -22,6 +22,7 @@ from qvi_contact.bracket import (
     defect_bound,
     error_bound,
     friction_norm,
+    lines,
     rectangle_constant,
     rectangle_norm,
     slip_work,
@@ -129,6 +130,18 @@ def test_bodies_without_loads_and_open_contacts_cost_nothing():
     left, bottom, _, contact = (plate := compressed_plate(0.2, (2, 2))).conditions
     pulled = replace(plate, conditions=[left, bottom, Traction("right", 5.0, 0.0), replace(contact, gap=1e-5)])
     assert solve(pulled, method="fixed-point").bracket.coulomb.relative_error < 1e-5
+
+
+def test_wide_bounds_that_are_proved_come_with_an_estimate():
+    """At μ = 0.5 all sticks, as at μ = 1, whose force is settled."""
+    found = solve(compressed_plate(0.5, (4, 4))).bracket
+    proved, likely = found.coulomb, found.coulomb.likely
+    assert (proved.guaranteed, likely.guaranteed, likely.likely) == (True, False, None)
+    assert likely.within < proved.within / 1.5
+    (low, high), (lower, upper) = (each.forces["plate.normal_force"] for each in (proved, likely))
+    assert low < lower < 214.367658387 < upper < high
+    assert f"estimate: {lower:.9g} to {upper:.9g}" in " ".join(lines(found))
+    assert solve(compressed_plate(0.2, (3, 3))).bracket.coulomb.likely is None
 
 
 class TestNorms:
@@ -414,14 +427,6 @@ class TestScope:
             assert 0.0 == pressure.lower < 0.159 < pressure.upper
             assert shear == pytest.approx((-friction * pressure.upper, friction * pressure.upper), rel=1e-12)
 
-    def test_a_side_that_hardly_moves_slips_all_the_same(self):
-        """Displacements that keep it from slipping would contradict the contact."""
-        mesh, loads = TriangleMesh.rectangle((4, 2), 2.0, 1.0), [Traction("top", 0.0, -0.1), FREE[1]]
-        for moved in (1e-11, 1e-12):
-            conditions = [Contact("bottom", 0.2), Displacement("left", moved, 0.0), *loads]
-            problem = ContactProblem(mesh, Material(1.0, 0.3), conditions)
-            assert np.isfinite(solve(problem).bracket.coulomb.error)
-
     def test_the_stress_of_more_friction(self):
         """What is beyond the bound of friction is taken off it, and counts."""
         more, result = chain(0.2)[1], solve(with_law(chain(0.2)[1].problem, friction=0.15), degree=4)
@@ -446,11 +451,6 @@ def test_loads_that_cancel_each_other_leave_rounding():
     block = replace(block, conditions=[*block.contacts, *sides], body_potential=Polynomial([[0.0, 1e6]]))
     force = solve(block, degree=4).bracket.coulomb.forces["bottom.normal_force"]
     assert force.lower <= 2.0 <= force.upper < 2.0 + 1e-4
-
-
-def test_cohesion_counts_where_it_slips():
-    problem = with_law(compressed_plate(0.1, (4, 4)), cohesion=8.0)
-    bounds_met(solve(problem, degree=4), solve(problem, degree=6), 4.0, "plate.normal_force")
 
 
 class TestOtherBodies:
@@ -693,11 +693,3 @@ def test_what_is_tied_holds_as_a_support_or_one_body_does_and_two_parts_of_a_con
     assert (found[3].lower, found[3].upper) == pytest.approx((found[0].lower, found[0].upper), rel=1e-6)
     for name in ("bottom.normal_force", "bottom.tangential_force"):
         assert found[2].forces[name] == pytest.approx(found[0].forces[name], rel=1e-6, abs=1e-9)
-
-
-def test_a_corner_that_is_halved_often():
-    mesh = (problem := pressed_block(0.2, (2, 1))).mesh
-    for _ in range(20):
-        corner = np.argmax(mesh.vertices @ [1.0, -1.0])
-        mesh = mesh.refined((mesh.cells == corner).any(axis=1))
-    assert len(solve(replace(problem, mesh=mesh)).bracket.coulomb.forces) == 2

@@ -198,14 +198,6 @@ def test_weight_on_both_sides_of_a_joint():
     assert companion.contacts["cut"].normal_force == pytest.approx(4.0 * 0.6 * 2.0, rel=1e-10)
 
 
-def test_loads_alone():
-    """A body that nothing holds, in balance: stresses are there, and some displacement."""
-    conditions = [Traction("top", 0.0, -5.0), Traction("bottom", 0.0, 5.0), *FREE]
-    companion = companion_of(ContactProblem(MESH, STEEL, conditions))
-    assert companion.stress(0.7, 0.5) == pytest.approx([0.0, -5.0, 0.0], abs=1e-12)
-    assert companion.energy == pytest.approx(-0.5 * 25.0 / 1000.0 * 2.0, rel=1e-12)
-
-
 PLATE = compressed_plate(0.1, (3, 2))
 
 
