@@ -16,6 +16,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, acts, instance_of, whole_number
 from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.displacements import (
+    Contradiction,
     DisplacementSpace,
     PrescribedDisplacements,
     corners_that_jump,
@@ -124,20 +125,21 @@ class Discretization(WithFields, PicklesFields):
                     "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
                     "clearance, give it a smaller radius."
                 )
-        return *remarks, *(sentence for _, sentence in self.contradictions)
+        return *remarks, *(each.sentence for each in self.contradictions)
 
     @cached_property
-    def contradictions(self) -> tuple[tuple[str, str], ...]:
-        """Corners where displacements must jump: the name of the contact, "" between two supports, and a sentence."""
+    def contradictions(self) -> tuple[Contradiction, ...]:
+        """Corners where supports and obstacles demand several displacements, by more than `_MISFIT`."""
         if not self.problem.prescribed(Displacement):
             return ()
-        found = [("", sentence) for sentence in self._supported_corners[1].jumps]
+        found = list(self._supported_corners[1].jumps)
         for place, name, excess in self.corners_that_jump(self.problem, _MISFIT):
-            said = (
+            sentence = (
                 f"At {place} a support and the obstacle of {name!r} demand displacements that differ by {excess:.3g} "
+                "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements agree, "
+                "or leave a free side between them."
             )
-            said += "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements "
-            found.append((name, said + "agree, or leave a free side between them."))
+            found.append(Contradiction(name, excess / self.scales.displacement, sentence))
         return tuple(found)
 
     @cached_property

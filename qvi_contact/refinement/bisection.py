@@ -135,6 +135,7 @@ _THINNEST: Final = 1e-9  # smallest edge, over the body's length
 _SAFETY: Final = 1.5  # estimate over difference: the error of the reference may be a third of the answer's
 _FASTER: Final = 0.5  # share of its size that an estimate may lose in a round in which the energy stays
 _USEFUL: Final = 1.6  # largest computed norm by which bounds are near errors: the factor f in (D28) is 4.6
+_UNSEEN: Final = 0.1  # d or d² of `_stop_without_limit` over the target, up to which all meshes together stay below it
 _EXACT: Final = 1e-6  # of the numbers beside it: a smaller difference of a quantity is rounding
 _NEAR: Final = 0.1  # largest accuracy of an inaccurate reference solution, over the difference from it
 _STOPS: Final = {
@@ -188,7 +189,7 @@ class TriangleRefinement:
         unit, where = measure.unit(last, value), places(answer)
         bounds = comparison = self._bounds(answer, value, earlier)
         if comparison is None:
-            _stop_without_limit(measure, last)
+            _stop_without_limit(measure, last, self.settings.target)
             comparison = self._compared(answer, value, unit, where)
             if comparison is None and any(np.isfinite(each.record.estimate) for each in earlier):
                 status = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
@@ -339,15 +340,20 @@ class Comparison(NamedTuple):
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
 
 
-def _stop_without_limit(measure: Measure, result: ContactResult) -> None:
+def _stop_without_limit(measure: Measure, result: ContactResult, target: float) -> None:
     """`StopError` if a quantity tends to no limit on finer meshes, by data that contradict each other in corners.
 
-    Between supports and obstacles that disagree, forces and energies grow without limit. A plate that a support stops
-    comes to rest very slowly, and with it all that it loads.
+    Between supports and obstacles that disagree by a share d of displacements, forces and energies grow without limit:
+    in each bisection forces by about d/10, energies by d²/10, as shares. No mesh shows what is far below the target. A
+    plate that a support stops comes to rest very slowly, and with it all that it loads.
     """
     is_load, name = measure.kind in LOADS, measure.name.rpartition(".")[0]
-    contradictions = result.discretization.contradictions
-    jumps = (why for contact, why in contradictions if measure.kind == "energy" or (is_load and contact == name))
+    power = 2 if measure.kind == "energy" else 1
+    jumps = (
+        each.sentence
+        for each in result.discretization.contradictions
+        if each.size**power > _UNSEEN * target and (power == 2 or (is_load and each.contact == name))
+    )
     for why in chain(jumps, stopped_plates(result)):
         raise StopError(RefinementStatus.NO_LIMIT, why)
 
