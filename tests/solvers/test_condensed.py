@@ -52,11 +52,14 @@ def test_lines_of_contact_agree_with_the_fixed_point(law, seed, inner):
     ("seed", "friction", "equalities"), thinned(product((0, 1, 7, 11, 20), (0.0, 0.05, 0.2), (0, 2)), 6)
 )
 def test_dense_rows_that_cancel(seed, friction, equalities):
-    """More rows than unknowns, all of them dense: nearly every unknown is held by active bounds."""
+    """More rows than unknowns, all of them dense: nearly every unknown is held by active bounds.
+
+    Their λ/s swamp the stiffness: without `Newton`'s refinement of forces half of the digits are lost.
+    """
     qvi = random_problem(seed, friction, equalities)
-    reference = solve_qvi(qvi, inner="direct:clarabel", tolerance=1e-9)
+    reference = solve_qvi(qvi, "pivoting", tolerance=1e-10)
     assert reference.solved
-    assert difference(qvi, condensed(qvi), reference) < 1e-7
+    assert difference(qvi, condensed(qvi), reference) < 1e-9
 
 
 @pytest.mark.parametrize(("seed", "friction"), [(3, 1.0), (18, 2.0)])
@@ -218,8 +221,7 @@ def test_where_newton_matrices_are_singular_other_starts_follow(monkeypatch):
         factor, pivots, info = dgetrf(matrix, **options)
         return factor, pivots, 1 if len(made) in calls else info
 
-    for place in ("systems", "interior_point"):
-        monkeypatch.setattr(f"solvers.condensed.{place}.dgetrf", singular)
+    monkeypatch.setattr("solvers.condensed.systems.dgetrf", singular)
     accuracies = []
     for calls in (range(2, 100), range(4, 100)):
         made.clear()
