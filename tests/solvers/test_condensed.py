@@ -268,6 +268,17 @@ def test_echelon_finds_the_rank_and_a_basis(Y):
     assert list(found.rows) == sorted(set(found.rows.tolist()))
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_rounding_of_the_rows_does_not_choose_the_basis(seed):
+    """Rows of integers, of many equal lengths and angles."""
+    random = np.random.default_rng(seed)
+    rows = random.integers(-1, 2, (9, 5)) * 10.0 ** random.uniform(-3, 3, (9, 1))
+    chosen = basis(rows)
+    for _ in range(3):
+        again = basis(rows * (1.0 + 4e-16 * random.normal(size=rows.shape)))
+        assert (again.rows.tolist(), again.free.tolist()) == (chosen.rows.tolist(), chosen.free.tolist())
+
+
 def test_echelon_takes_the_first_of_equal_rows_and_ignores_stored_zeros():
     Y = csr_array((np.array([0.0, 1.0, 2.0, 1.0]), np.array([0, 1, 1, 2]), np.array([0, 2, 3, 4])), shape=(3, 3))
     found = echelon(Y)
