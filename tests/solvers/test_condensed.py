@@ -52,10 +52,7 @@ def test_lines_of_contact_agree_with_the_fixed_point(law, seed, inner):
     ("seed", "friction", "equalities"), thinned(product((0, 1, 7, 11, 20), (0.0, 0.05, 0.2), (0, 2)), 6)
 )
 def test_dense_rows_that_cancel(seed, friction, equalities):
-    """More rows than unknowns, all of them dense: nearly every unknown is held by active bounds.
-
-    Their λ/s swamp the stiffness: without `Newton`'s refinement of forces half of the digits are lost.
-    """
+    """More rows than unknowns, all dense: active bounds, whose λ/s swamp the stiffness, hold nearly every unknown."""
     qvi = random_problem(seed, friction, equalities)
     reference = solve_qvi(qvi, "pivoting", tolerance=1e-10)
     assert reference.solved
@@ -266,17 +263,8 @@ def test_echelon_finds_the_rank_and_a_basis(Y):
         left = unit - unit @ np.linalg.pinv(unit[found.rows]) @ unit[found.rows]
         assert np.abs(left).max(initial=0.0) < 1e-8
     assert list(found.rows) == sorted(set(found.rows.tolist()))
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_rounding_of_the_rows_does_not_choose_the_basis(seed):
-    """Rows of integers, of many equal lengths and angles."""
-    random = np.random.default_rng(seed)
-    rows = random.integers(-1, 2, (9, 5)) * 10.0 ** random.uniform(-3, 3, (9, 1))
-    chosen = basis(rows)
-    for _ in range(3):
-        again = basis(rows * (1.0 + 4e-16 * random.normal(size=rows.shape)))
-        assert (again.rows.tolist(), again.free.tolist()) == (chosen.rows.tolist(), chosen.free.tolist())
+    shaken = Y * (1.0 + 4e-16 * np.random.default_rng(0).normal(size=Y.shape))  # rounding does not choose the basis
+    assert [part.tolist() for part in basis(shaken)] == [part.tolist() for part in basis(Y)]
 
 
 def test_echelon_takes_the_first_of_equal_rows_and_ignores_stored_zeros():
