@@ -250,10 +250,9 @@ class Complementarity:
         return float((self.weights / np.bincount(contact, self.weights)[contact]).min(initial=1.0))
 
     @cached_property
-    def dense_rows(self) -> tuple[Matrix, Matrix, Vector]:
-        """T and N as dense arrays, and W |T|² (t,)."""
-        T = dense(self.T)
-        return T, dense(self.N), np.asarray(self.W * (T * T).sum(axis=1))
+    def row_sizes(self) -> Vector:
+        """W |T|² (t,)."""
+        return np.asarray(self.W * (self.forces * self.forces).sum(axis=0))
 
     def force(self, multipliers: Vector) -> Vector:
         """BᵀWλ (k,), the forces of the multipliers λ (q,)."""

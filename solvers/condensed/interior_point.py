@@ -20,7 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from scipy.linalg.lapack import dgetrf, dgetrs
 
 from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
@@ -32,7 +31,7 @@ _STEP_SHARE = 0.99  # least step, over the distance to the nearest bound
 _NEIGHBOURHOOD = 1e-3  # least s λ / (τ ω) after a step
 _SHORT_PREDICTOR = 0.1  # predictor steps shorter than this enter with the square of their length only
 _CORRECTORS = 2
-_REFINED = (1e-8, 1e-14)  # residual of a step's equations, over their largest term, that ends each refinement
+_REFINED = (0.0, 1e-8, 1e-14)  # residual of a step's equations, over their largest term, before a solve that is needed
 _CORRECTOR_GAIN = 0.02  # least gain of the step length by a corrector
 # Steps shorter than `_SHORT_STEP` pass the few bounds that stop them, if that lengthens them by this factor.
 _SHORT_STEP, _LEAST_GAIN = 0.7, 1.3
@@ -111,7 +110,6 @@ class InteriorPoint:
     settled : whether the late weights are taken, and bounds may be passed
     finest : the gap at which τ is not reduced any more
     least : the τ of that gap
-    accurate : whether Newton steps are computed by `Saddle`
     longest : largest step, over the distance to the nearest bound
 
     """
@@ -119,7 +117,6 @@ class InteriorPoint:
     def __init__(self, problem: Complementarity, displacement: float) -> None:
         self.problem, self.displacement = problem, displacement
         self.finest, self.least = _FINEST, 0.0
-        self.accurate = False
         self.start_at(np.zeros(problem.S.shape[0]))
         self._force_scale = displacement * float(np.abs(problem.force(np.ones(len(problem.weights)))).max(initial=0.0))
 
@@ -174,7 +171,7 @@ class InteriorPoint:
     def iterate(self, residuals: Residuals) -> float:
         """One iteration; returns the length of its step."""
         point = self.point
-        newton = Newton(self.problem, point, residuals, accurate=self.accurate)
+        newton = Newton(self.problem, point, residuals)
         products, work = point.products, self._work(point)
         tau = self.parameter()
         # Mehrotra's predictor, the step to τ = 0. The work after it gives the centring, the factor of τ.
@@ -244,21 +241,20 @@ class InteriorPoint:
         return float(np.minimum.reduce(products / (max(tau, _TINY) * self.omega), initial=np.inf))
 
 
-# Newton steps without the elimination of stiff bounds, for the last digits of the forces.
+# Newton steps.
 #
 # The elimination of λ adds W λ/s times the square of a row to S. When s is tiny, these terms swamp S in all directions
-# in which several rows act together, and the multipliers lose as many digits as the gap gains. Here a traction t = T y
-# with W D |T|² > 1 is stiff: the force f = Σ ± dλ of its bounds stays an unknown. D = Σ λ/s over the bounds of the
-# traction, ± is the sign of a bound:
+# in which several rows act together, and the multipliers lose as many digits as the gap gains. So the force f = Σ ± dλ
+# of the bounds of each traction t = T y is an unknown beside y. With D = Σ λ/s and e = Σ ± mu λ/s over the bounds of
+# the traction (`Complementarity.blocks`), ± the sign of a bound, and r the residual of the slacks,
 #
-#     [S + BᵀW diag(λ/s) C, soft tractions   TᵀW  ] (dy)   (−force − BᵀW (target + λ r)/s, soft tractions)
-#     [Σ ± λ/s C / D                         −1/D ] (f )  = (−Σ ± (target + λ r)/s / D                   )
+#     S dy + TᵀW f = −force,    f/D − (T + e/D N) dy = Σ ± (comp + λ r)/s / D.
 #
-# with r the residual of the slacks. There is a row for each stiff traction, not for each bound: an open point has three
-# bounds on two tractions. As this matrix is larger, it is used only once the smaller one leaves large residual forces.
+# Only the matrix that is factorised has min(D, D_max) in place of D, and e in proportion, with W D_max |T|² = 1e8. It
+# keeps half of the digits of S, and each refinement of (dy, f) gains as many.
 #
 # The changes of tiny slacks are computed from forces, not from differences of the much larger tractions. With
-# a = target/s, g = −r + the change of the friction bound, ds_j = g_j − ±_j dt and f = Σ ±_i (a_i − λ_i/s_i ds_i) it is
+# a = comp/s, g = −r + the change of the friction bound, ds_j = g_j − ±_j dt and f = Σ ±_i (a_i − λ_i/s_i ds_i) it is
 #
 #     ds_j = (Σ_i λ_i/s_i (g_j − ±_i ±_j g_i) − ±_j (f − Σ ±_i a_i)) / D,
 #
@@ -266,86 +262,22 @@ class InteriorPoint:
 
 _SIDES = np.array(SLOTS)
 _SAME_SIDE = np.outer(_SIDES, _SIDES)
-_REFINEMENTS = 2
-_LARGEST_STIFFNESS = 1e15  # W D |T|² in the factors, so that no pivot of dependent rows vanishes; not in the refinement
-
-
-class Saddle:
-    """The factorised saddle point matrix for slacks s, multipliers λ and slopes d|σ_N|/dσ_N at the points `split`."""
-
-    def __init__(self, problem: Complementarity, s: Vector, lam: Vector, slope: Vector) -> None:
-        self.problem, self.s, self.lam, self.slope = problem, s, lam, slope
-        k, W, (T, N, sizes) = problem.S.shape[0], problem.W, problem.dense_rows
-        D, e = problem.blocks(lam / s, slope)
-        stiffness = sizes * D  # W D |T|²
-        stiff = (stiffness > 1.0).nonzero()[0]
-        soft = np.where(stiffness > 1.0, 0.0, W)
-        rows = T + (e / D)[:, None] * N  # Σ ± λ/s C / D
-        matrix = np.zeros((k + stiff.size,) * 2)
-        matrix[:k, :k] = problem.S + (T.T * (soft * D)) @ rows
-        matrix[:k, k:] = T[stiff].T * W[stiff]
-        matrix[k:, :k] = rows[stiff]
-        diagonal = np.arange(k, k + stiff.size)
-        matrix[diagonal, diagonal] = -1.0 / D[stiff]
-        # Rows, then columns, scaled to a largest entry of 1.
-        tiny = np.finfo(np.float64).tiny
-        entries = np.abs(matrix)
-        left = 1.0 / np.maximum.reduce(entries, axis=1, initial=tiny)
-        entries *= left[:, None]
-        right = 1.0 / np.maximum.reduce(entries, axis=0, initial=tiny)
-        equilibrated = np.multiply(left[:, None] * matrix, right, order="F")
-        equilibrated[diagonal, diagonal] *= np.maximum(1.0, stiffness[stiff] / _LARGEST_STIFFNESS)
-        factor, pivots, info = dgetrf(equilibrated, overwrite_a=1)
-        if info > 0 or not np.isfinite(factor).all():
-            raise LinAlgError("it is singular")
-        self.stiff, self.D, self.soft = stiff, D, soft  # soft: W (t,), 0 for stiff tractions
-        self.matrix, self.left, self.right = matrix, left, right  # left, right: scales of equations and of unknowns
-        self.factor, self.pivots = factor, pivots
-
-    def solve(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
-        """(dy, ds, dλ) for the residuals `force` and `slack`, and the required change `comp` of s λ."""
-        problem, k = self.problem, force.size
-        sums = problem.signed @ ((comp + self.lam * slack) / self.s)
-        right = np.concatenate([-force - problem.forces @ (self.soft * sums), -(sums / self.D)[self.stiff]])
-        x = self.right * dgetrs(self.factor, self.pivots, self.left * right)[0]
-        for _ in range(_REFINEMENTS):
-            x += self.right * dgetrs(self.factor, self.pivots, self.left * (right - self.matrix @ x))[0]
-        ds = self._slacks(x[:k], x[k:], slack, comp)
-        return x[:k], ds, (comp - self.lam * ds) / self.s
-
-    def _slacks(self, y: Vector, forces: Vector, slack: Vector, comp: Vector) -> Vector:
-        """The changes ds (q,): of stiff tractions from their forces f, of the others by C dy."""
-        problem, stiff, D = self.problem, self.stiff, self.D[self.stiff]
-        ds = -slack - problem.change(y, self.slope)
-        net = forces - (problem.signed @ (comp / self.s))[stiff]  # f − Σ ± a
-        # Stiff normal tractions, which have one bound each.
-        count = int(stiff.searchsorted(problem.count))
-        ds[stiff[:count]] = -net[:count] / D[:count]
-        if count == stiff.size:
-            return ds
-        # Stiff shears: g of all bounds, then the sum over the bounds of each shear, in the order of `SLOTS`.
-        g_all, coulomb = -slack, problem.coulomb
-        pressed = problem.pressed[coulomb]
-        g_all[coulomb] += problem.friction[coulomb] * (ds + slack)[pressed]
-        if problem.split.size:
-            g_all += problem.friction_of(self.slope * (problem.split_rows @ y))
-        bounds = problem.bounds[stiff[count:]]
-        exists = bounds >= 0
-        g, ratio = g_all[bounds], np.where(exists, (self.lam / self.s)[bounds], 0.0)
-        pairs = g[:, :, None] - _SAME_SIDE * g[:, None, :]  # exactly zero for a bound with itself
-        numerator = np.add.reduce(pairs * ratio[:, None, :], axis=2) - net[count:, None] * _SIDES
-        ds[bounds[exists]] = (numerator / D[count:, None])[exists]
-        return ds
+_STIFF = 1.0  # W D |T|² above which a traction is stiff: the changes of its slacks are computed from its force
+_STIFFEST = 1e8  # W D_max |T|²
 
 
 class Newton:
-    """The factorised Newton matrix at a point, by `Saddle` if `accurate`."""
+    """The factorised Newton matrix at a point."""
 
-    def __init__(self, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> None:
+    def __init__(self, problem: Complementarity, point: Point, residuals: Residuals) -> None:
         self.point, self.problem, self.residuals = point, problem, residuals
-        self.slope = slope = (point.tension - point.pressure) / (point.tension + point.pressure)
-        self._saddle = Saddle(problem, point.s, point.lam, slope) if accurate else None
-        self.solve = None if accurate else problem.system.factorised(problem, point.lam / point.s, slope)
+        self.slope = (point.tension - point.pressure) / (point.tension + point.pressure)
+        self.D, e = problem.blocks(point.lam / point.s, self.slope)
+        stiffness = problem.row_sizes * self.D  # W D |T|²
+        self.stiff = (stiffness > _STIFF).nonzero()[0]
+        self.N_share = e / self.D
+        self.least_D = self.D / np.maximum(1.0, stiffness / _STIFFEST)  # min(D, D_max)
+        self.solve = problem.system.factorised(problem, self.least_D, self.N_share * self.least_D)
 
     def step(self, comp: Vector, *, only: bool = False) -> Point:
         """The step that changes the products by comp (q + b,); unless `only`, it removes the residuals too."""
@@ -366,25 +298,48 @@ class Newton:
 
     def _bounds(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
         """(dy, ds, dλ) for the residuals `force` and `slack`, and the required change `comp` of s λ."""
-        if self._saddle is not None:
-            return self._saddle.solve(force, slack, comp)
-        assert self.solve is not None
-        problem, solve = self.problem, self.solve
-        dlam = (comp + self.point.lam * slack) / self.point.s
-        dy = solve(-force - problem.force(dlam))
-        ds = -slack - problem.change(dy, self.slope)
-        dlam = (comp - self.point.lam * ds) / self.point.s
-        # Refinement of S dy + BᵀW dλ = −force, as the elimination of s and λ loses digits where s is small.
+        problem, s, lam = self.problem, self.point.s, self.point.lam
+        forces, W = problem.forces, problem.W
+        sums = problem.signed @ ((comp + lam * slack) / s)
+        dy, f = np.zeros_like(force), np.zeros_like(W)
         for tolerance in _REFINED:
-            terms = (problem.S @ dy, problem.force(dlam))
-            residual = -force - terms[0] - terms[1]
-            if largest(residual) <= tolerance * largest(np.concatenate(terms)):
+            terms = (problem.S @ dy, forces @ (W * f))
+            df = self.least_D * ((sums - f) / self.D + self._strain(dy))  # for dy as it is
+            right = -force - terms[0] - terms[1] - forces @ (W * df)
+            if largest(right) <= tolerance * largest(np.concatenate(terms)):
                 break
-            correction = solve(residual)
-            change = problem.change(correction, self.slope)
-            # λ/s times the change is added to dλ. Computed from dy, rounding of C dy times λ/s would unbalance forces.
-            dy, ds, dlam = dy + correction, ds - change, dlam + self.point.lam / self.point.s * change
-        return dy, ds, dlam
+            correction = self.solve(right)
+            dy, f = dy + correction, f + df + self.least_D * self._strain(correction)
+        ds = self._slacks(dy, f[self.stiff], slack, comp)
+        return dy, ds, (comp - lam * ds) / s
+
+    def _strain(self, y: Vector) -> Vector:
+        """(T + e/D N) y (t,)."""
+        return np.asarray(self.problem.T @ y + self.N_share * (self.problem.N @ y))
+
+    def _slacks(self, y: Vector, forces: Vector, slack: Vector, comp: Vector) -> Vector:
+        """The changes ds (q,): of stiff tractions from their forces f, of the others by C dy."""
+        problem, stiff, D = self.problem, self.stiff, self.D[self.stiff]
+        ds = -slack - problem.change(y, self.slope)
+        net = forces - (problem.signed @ (comp / self.point.s))[stiff]  # f − Σ ± a
+        # Stiff normal tractions, which have one bound each.
+        count = int(stiff.searchsorted(problem.count))
+        ds[stiff[:count]] = -net[:count] / D[:count]
+        if count == stiff.size:
+            return ds
+        # Stiff shears: g of all bounds, then the sum over the bounds of each shear, in the order of `SLOTS`.
+        g_all, coulomb = -slack, problem.coulomb
+        pressed = problem.pressed[coulomb]
+        g_all[coulomb] += problem.friction[coulomb] * (ds + slack)[pressed]
+        if problem.split.size:
+            g_all += problem.friction_of(self.slope * (problem.split_rows @ y))
+        bounds = problem.bounds[stiff[count:]]
+        exists = bounds >= 0
+        g, ratio = g_all[bounds], np.where(exists, (self.point.lam / self.point.s)[bounds], 0.0)
+        pairs = g[:, :, None] - _SAME_SIDE * g[:, None, :]  # exactly zero for a bound with itself
+        numerator = np.add.reduce(pairs * ratio[:, None, :], axis=2) - net[count:, None] * _SIDES
+        ds[bounds[exists]] = (numerator / D[count:, None])[exists]
+        return ds
 
 
 def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector, least: float) -> tuple[Point, float]:

@@ -44,9 +44,7 @@ _FIRST_GAP = 1e-5  # gap before the first defect correction; at larger gaps the 
 _SLACK, _FORCE = 1e-11, 1e-11  # largest residuals of a solution, see `Measures`
 _FORCE_FLOOR = 1e-8  # largest residual `force` of a solution if it no longer shrinks
 _COARSEST_GAP = 1e-11  # largest gap of a solution if the iteration has stalled
-# Newton steps are computed by `Saddle` once `force` exceeds the first at a gap below the second.
-_INEXACT, _LATE = 1e-11, 1e-4
-_LARGEST_SADDLE = 2500  # unknowns and bounds up to which `Saddle` is used
+_LATE = 1e-4  # gap below which a kink that lags behind is sharpened, and the error of the stress is computed
 _UNBALANCED = 1e-10  # largest error of the stress by residual forces, in the energy norm, relative
 _PROGRESS = 0.7  # factor by which the distance has to fall within `patience` iterations
 _LEAST_GAP = 2e-17  # least gap of sparse systems, twice the least of the interior point method
@@ -251,15 +249,13 @@ class CondensedRun:
         return Status.STALLED if count - self.before >= _MOST_ITERATIONS else None
 
     def _prepare(self, measures: Measures) -> None:
-        """Settings of the next step: late weights once slacks fit, a sharper kink if it lags behind, `Saddle`."""
+        """Settings of the next step: late weights once slacks fit, and a sharper kink if it lags behind."""
         self.force, self.last_gap = measures.force, measures.gap
         problem, interior = self.problem, self.interior
         if self.path is None and measures.slack <= _SETTLED:
             interior.settle()
         if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
             interior.omega[problem.weights.size :] *= _SHARPENING  # where σ_N = 0 both factors fall like √τ only
-        affordable = problem.system.last_digits and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
-        interior.accurate = affordable and (interior.accurate or (measures.force > _INEXACT and measures.gap < _LATE))
 
     def _is_reached(self, measures: Measures, residuals: Residuals, gap: float, stalled: bool) -> bool:
         """Whether the gap is reached, and all residuals are rounding."""

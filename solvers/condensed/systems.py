@@ -163,8 +163,7 @@ class DenseSystem:
     stragglers : share of the bounds that must not stop a step, see `InteriorPoint.past_few`
     longest : largest step, over the distance to the nearest bound
     small : weight of a bound, over the weight of its contact, below which the gap has to be smaller
-    last_digits : whether forces can still become more accurate when the gap has reached its floor. Iterations then go
-        on, with `Saddle`
+    last_digits : whether iterations go on when the gap has reached its floor, as forces can still become more accurate
     orientation : sign of the determinant of the matrix factorised last; 0 if it is not known
 
     """
@@ -184,11 +183,11 @@ class DenseSystem:
             return 0.0
         return float(np.sqrt(abs(force @ dpotrs(self._cholesky, force, lower=1)[0])))
 
-    def factorised(self, problem: Complementarity, ratio: Vector, slope: Vector) -> Solve:
-        """The inverse of H = S + BᵀW diag(ratio) C, see `Complementarity.blocks`; `LinAlgError` if it is singular."""
+    def factorised(self, problem: Complementarity, D: Vector, e: Vector) -> Solve:
+        """The inverse of H = S + TᵀW (D T + e N) for D, e (t,), see `Newton`; `LinAlgError` if it is singular."""
         if not len(self._S):
             return lambda force: force
-        H = self._S + problem.stiffness(*problem.blocks(ratio, slope))
+        H = self._S + problem.stiffness(D, e)
         scale = 1.0 / np.sqrt(np.maximum(H.diagonal(), 1.0))  # to a diagonal of 1
         H *= scale
         factor, pivots, info = dgetrf(np.multiply(H, scale[:, None], order="F"), overwrite_a=1)
@@ -368,9 +367,9 @@ class SparseSystem:
         points = int(np.count_nonzero(self._spring_blocks))
         self._shear_rows, self._A_rows = space.equations[:points], space.equations[points:]
 
-    def factorised(self, problem: Complementarity, ratio: Vector, slope: Vector) -> Solve:
+    def factorised(self, problem: Complementarity, D: Vector, e: Vector) -> Solve:
         """See `DenseSystem.factorised`. A new factorisation makes earlier inverses invalid."""
-        blocks = problem.spread(*problem.blocks(ratio, slope))
+        blocks = problem.spread(D, e)
         if not np.isfinite(blocks).all():
             raise LinAlgError("it is not finite")
         blocks[2 * len(self._spring_blocks) :] += self._spring_blocks

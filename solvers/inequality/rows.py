@@ -124,6 +124,7 @@ def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
 _LEAST_PIVOT = 1e-10
 """Pivots of QR, over the largest one, below which rows of length one count as linearly dependent."""
 
+_LAST_WEIGHT = 0.9  # weight of the last column in the choice of pivots, 1 of the first
 _CANCELLATION = 1e-9  # a row reduced by elimination to less than this share of its terms is linearly dependent
 _PIVOT_THRESHOLD = 0.1  # least size of a pivot over the largest entry of its row
 
@@ -152,10 +153,13 @@ def basis(Y: Columns | SparseRows) -> Echelon:
 
 
 def _by_qr(A: Matrix) -> tuple[Vector, IntVector]:
-    """Sizes of the pivots of QR of A (r, k), and its permutation of the columns (k,)."""
+    """Sizes of the pivots of QR of A (r, k), and its permutation of the columns (k,); of equal ones the first is taken.
+
+    Each column has a little less weight than the one before it: rounding would else choose among equal lengths.
+    """
     if not A.size:
         return np.zeros(0), np.arange(A.shape[1])
-    packed, order, *_ = dgeqp3(A)
+    packed, order, *_ = dgeqp3(A * np.geomspace(1.0, _LAST_WEIGHT, A.shape[1]))
     return np.abs(np.diagonal(packed)), np.asarray(order - 1, dtype=np.int64)
 
 

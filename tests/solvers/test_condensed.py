@@ -52,11 +52,11 @@ def test_lines_of_contact_agree_with_the_fixed_point(law, seed, inner):
     ("seed", "friction", "equalities"), thinned(product((0, 1, 7, 11, 20), (0.0, 0.05, 0.2), (0, 2)), 6)
 )
 def test_dense_rows_that_cancel(seed, friction, equalities):
-    """More rows than unknowns, all of them dense: nearly every unknown is held by active bounds."""
+    """More rows than unknowns, all dense: active bounds, whose λ/s swamp the stiffness, hold nearly every unknown."""
     qvi = random_problem(seed, friction, equalities)
-    reference = solve_qvi(qvi, inner="direct:clarabel", tolerance=1e-9)
+    reference = solve_qvi(qvi, "pivoting", tolerance=1e-10)
     assert reference.solved
-    assert difference(qvi, condensed(qvi), reference) < 1e-7
+    assert difference(qvi, condensed(qvi), reference) < 1e-9
 
 
 @pytest.mark.parametrize(("seed", "friction"), [(3, 1.0), (18, 2.0)])
@@ -218,8 +218,7 @@ def test_where_newton_matrices_are_singular_other_starts_follow(monkeypatch):
         factor, pivots, info = dgetrf(matrix, **options)
         return factor, pivots, 1 if len(made) in calls else info
 
-    for place in ("systems", "interior_point"):
-        monkeypatch.setattr(f"solvers.condensed.{place}.dgetrf", singular)
+    monkeypatch.setattr("solvers.condensed.systems.dgetrf", singular)
     accuracies = []
     for calls in (range(2, 100), range(4, 100)):
         made.clear()
@@ -264,6 +263,8 @@ def test_echelon_finds_the_rank_and_a_basis(Y):
         left = unit - unit @ np.linalg.pinv(unit[found.rows]) @ unit[found.rows]
         assert np.abs(left).max(initial=0.0) < 1e-8
     assert list(found.rows) == sorted(set(found.rows.tolist()))
+    shaken = Y * (1.0 + 4e-16 * np.random.default_rng(0).normal(size=Y.shape))  # rounding does not choose the basis
+    assert [part.tolist() for part in basis(shaken)] == [part.tolist() for part in basis(Y)]
 
 
 def test_echelon_takes_the_first_of_equal_rows_and_ignores_stored_zeros():

@@ -78,12 +78,11 @@ def test_the_change_of_slacks_is_minus_their_derivative(name):
 
 
 @POSED
-@pytest.mark.parametrize("accurate", [False, True])
-def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
+def test_newton_directions_satisfy_the_linearised_equations(name):
     problem, method = posed(PROBLEMS[name]())
     point, residuals = method.point, method.residuals()
     comp = np.random.default_rng(5).normal(size=len(point.products))
-    newton = Newton(problem, point, residuals, accurate=accurate)
+    newton = Newton(problem, point, residuals)
     for only in (False, True):
         step = newton.step(comp, only=only)
         force, slack, split, _ = (0.0 * r for r in residuals) if only else residuals
