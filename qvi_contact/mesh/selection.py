@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.basics.schema import Listed, Number
 from qvi_contact.errors import InputError, place_of
-from qvi_contact.mesh.edges import TURNED, Topology, cross
+from qvi_contact.mesh.edges import TURNED, Topology
 
 Point: TypeAlias = Sequence[float]
 Range: TypeAlias = Sequence[float] | None
@@ -23,6 +23,7 @@ ASLANT: Final = (np.cos(1.0), np.sin(1.0))
 
 _LINE_DISTANCE: Final = 1e-6  # a vertex at this distance from a line, relative to the body's length, lies on it
 _MAX_SLOPE: Final = 0.1  # an edge with a larger slope to a line is not on it, however short the edge is
+_AT_END: Final = 1e-6  # fraction of an arc, at an end that two arcs have in common, where rounding moves a crossing
 _EXACT_INTEGERS: Final = 2.0**53  # doubles below it represent all integers
 
 
@@ -193,23 +194,41 @@ def in_circles(points: FloatArray, centres: FloatArray, radius: FloatArray) -> t
     return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
 
 
-def crossing(segments: FloatArray, rounding: FloatArray) -> IntArray:
-    """Pairs (k, 2) of segments (m, 2, 2) that cross: the ends of each lie on both sides of the other.
+def crossing(ends: FloatArray, half_turns: FloatArray) -> IntArray:
+    """Pairs (k, 2) of circular arcs, with ends (m, 2, 2) that turn by twice `half_turns` (m,) [rad], that cross.
 
-    They are farther from it than the smaller `rounding` (m,) of the two segments [length].
+    Lines turn by 0, arcs by at most 90°. An end in common is no crossing. With chord d, first end p, half turn θ,
+    s = sin θ and c = cos θ a point x is on the circle of an arc if s |x − p|² + (x − p)·(−c d⊥ − s d) = 0, by the
+    theorem of the inscribed angle, where d⊥ is d turned by +90°. The points of an arc are
+
+        p + v (α + v β)/(1 + s² v²),   α = c d − s d⊥,   β = s (s d + c d⊥),   0 ≤ v ≤ 1/c
+
+    so that those on another circle are the roots v of a quadratic polynomial.
     """
-    start, chord = segments[:, 0], segments[:, 1] - segments[:, 0]
-    middles, lengths = segments.mean(axis=1), np.hypot(*chord.T)
-    # of two segments that cross, the middle of the shorter one is no farther from that of the other than this is long
-    one, other = in_circles(middles, middles, lengths)
-    least = np.minimum(rounding[one], rounding[other])
-
-    def separates(line: IntArray, across: IntArray) -> BoolArray:
-        """Whether the ends of segments `across` lie on both sides of segments `line`."""
-        left, right = (cross(chord[line], segments[across, end] - start[line]) / lengths[line] for end in (0, 1))
-        return np.asarray((np.minimum(left, right) < -least) & (np.maximum(left, right) > least))
-
-    return np.column_stack([one, other])[separates(one, other) & separates(other, one)]
+    start, chord, sine, cosine = ends[:, 0], ends[:, 1] - ends[:, 0], np.sin(half_turns), np.cos(half_turns)
+    perpendicular, squares = chord[:, ::-1] * TURNED, np.square(chord).sum(axis=1)
+    alpha = cosine[:, None] * chord - sine[:, None] * perpendicular
+    beta = sine[:, None] * (sine[:, None] * chord + cosine[:, None] * perpendicular)
+    # arcs lie in the circles whose diameters are their chords, so the middle of one of two that cross is no farther
+    # from that of the longer one than this is long
+    middles = ends.mean(axis=1)
+    a, b = in_circles(middles, middles, np.sqrt(squares))
+    a, b = np.stack([a, b])[:, (squares[a] > squares[b]) | ((squares[a] == squares[b]) & (a < b))]
+    offset = start[b] - start[a]
+    gradient = 2.0 * sine[a, None] * offset - cosine[a, None] * perpendicular[a] - sine[a, None] * chord[a]
+    constant = (offset * (gradient - sine[a, None] * offset)).sum(axis=1)
+    linear = (gradient * alpha[b]).sum(axis=1)
+    square = (gradient * beta[b]).sum(axis=1) + sine[a] * squares[b] + sine[b] ** 2 * constant
+    is_joined = (ends[a][:, :, None] == ends[b][:, None]).all(axis=3).any(axis=(1, 2))
+    margin, is_crossed = np.where(is_joined, _AT_END, 0.0), np.zeros(len(a), dtype=bool)
+    with np.errstate(all="ignore"):  # of parallel lines, and without a root
+        half = -(linear + np.copysign(np.sqrt(linear**2 - 4.0 * square * constant), linear)) / 2.0
+        for v in (half / square, constant / half):
+            point = offset + v[:, None] * (alpha[b] + v[:, None] * beta[b]) / (1.0 + (sine[b] * v) ** 2)[:, None]
+            on_a = (point * alpha[a]).sum(axis=1) / (squares[a] - sine[a] ** 2 * np.square(point).sum(axis=1))
+            shares = np.stack([v * cosine[b], on_a * cosine[a]])
+            is_crossed |= ((shares > margin) & (shares < 1.0 - margin)).all(axis=0)
+    return np.column_stack([a, b])[is_crossed]
 
 
 def _edges_between(topology: Topology, chosen: BoolArray, inside: bool) -> IntArray:

@@ -10,7 +10,8 @@ import pytest
 from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
 from qvi_contact.gallery import compressed_plate, fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment
-from qvi_contact.mesh.curves import fitted
+from qvi_contact.mesh.curves import circle, fitted
+from qvi_contact.mesh.selection import crossing
 from tests.qvi_contact.builders import area, half_disc, quarter
 from tests.qvi_contact.test_triangles import oblique, turned
 
@@ -94,6 +95,26 @@ class TestRefusals:
         is_flat = gap > (0.0 if is_curved else 0.05)
         with nullcontext() if is_flat else pytest.raises(InputError, match="overlaps itself"):
             TriangleMesh(vertices, cells, {}, {}, arcs if is_curved else [])
+
+    @pytest.mark.parametrize(("turn", "is_flat"), [(1.9, True), (2.05, False), (2.2, False), (3.3, False)])
+    def test_a_ring_strip_that_lies_on_itself(self, turn, is_flat):
+        """Of one radius all around: its arcs lie on each other and cross nowhere."""
+        angles, edges = np.linspace(0.0, turn * np.pi, 38), np.arange(37)[:, None] + [0, 1]
+        vertices = np.concatenate([r * np.column_stack([np.cos(angles), np.sin(angles)]) for r in (1.0, 1.3)])
+        cells = np.concatenate([np.append(edges, edges[:, :1] + 38, 1), np.append(edges + 38, edges[:, 1:], 1)])
+        arcs = [circle((0.0, 0.0), 1.0 + 0.3 * k, edges + 38 * k, vertices) for k in (0, 1)]
+        with nullcontext() if is_flat else pytest.raises(InputError, match="lies inside the edge"):
+            TriangleMesh(vertices, cells, {}, {}, arcs)
+
+    @pytest.mark.parametrize("depth", [1e-9, 1e-4, 0.1, -1e-9, -1e-4, -0.1])
+    @pytest.mark.parametrize("half_turn", [0.0, 0.5])
+    def test_circles_that_are_nearer_than_their_radii_cross(self, depth, half_turn):
+        """A circle of radius 1, and above it one of radius 2 or a line; turned, far from the origin."""
+        x = 2.0 * np.sin(0.5)
+        above = 1.0 - depth + (2.0 - 2.0 * np.cos(half_turn))
+        ends = np.array([[(np.sin(0.6), np.cos(0.6)), (-np.sin(0.6), np.cos(0.6))], [(-x, above), (x, above)]])
+        rotation = np.array([[0.8, 0.6], [-0.6, 0.8]])
+        assert len(crossing(ends @ rotation + (30.0, -20.0), np.array([0.6, half_turn]))) == (depth > 0.0)
 
     @staticmethod
     def two(vertices, cells, moved):
