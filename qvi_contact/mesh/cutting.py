@@ -119,8 +119,9 @@ def refuse_overlap(mesh: MeshParts) -> None:
     all_ends = np.concatenate([ends[~is_curve], pieces])
     crossed = crossing(all_ends, half_turns)
     if len(crossed):
-        remedy = "two sides of the body cross around this point, so the body overlaps itself: correct the vertices there"
-        raise InputError("TriangleMesh", place_of(all_ends[crossed[0].min()].mean(axis=0)), remedy)
+        place = place_of(all_ends[crossed[0].min()].mean(axis=0))
+        remedy = "two sides of the body cross around this point, so it overlaps itself: correct the vertices there"
+        raise InputError("TriangleMesh", place, remedy)
 
 
 def _refuse(is_wrong: BoolArray, numbers: IntArray, remedy: str, places: FloatArray) -> None:

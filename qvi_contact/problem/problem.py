@@ -345,7 +345,7 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
     Of the mesh, vertices, triangles, arcs and named parts count; options that are None or change no answer do not.
     """
     used = {name: value for name, value in sorted(options.items()) if name not in _INERT and value is not None}
-    settings = {name: value.item() if isinstance(value, np.generic) else value for name, value in used.items()}
+    settings = {name: _plain(value) for name, value in used.items()}
     mesh = problems[0].mesh
     parts: list[object] = [type(mesh).__name__, mesh.vertices, mesh.cells, mesh.sides]
     for names, edges_of in ((mesh.edge_names, mesh.edge_set), (mesh.joint_names, mesh.joint_set)):
@@ -354,6 +354,15 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
     for number in range(len(problems)):
         digest.update(problem_digest(problems[number]))
     return digest.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """A value of Python for one of NumPy, also in mappings and sequences, so that equal ones have one `repr`."""
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, tuple | list):
+        return type(value)(map(_plain, value))
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def problem_digest(problem: ContactProblem) -> bytes:
