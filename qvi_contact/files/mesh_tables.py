@@ -411,8 +411,9 @@ class _Place:
             kept &= middle[:, 1 - axis] == on_line("at", self.at, lines[1 - axis])
         if not kept.any():
             where = "interior" if is_joint else "boundary"
-            given = {"side": facing, "start": self.start, "stop": self.stop, "at": self.at}
-            raise InputError("", given, f"no {where} edge lies there: check side and range")
+            keys = "direction" if is_joint else "side", "start", "stop", "at"
+            given = {key: value for key in keys if (value := getattr(self, key)) is not None}
+            raise InputError("", given, f"no {where} edge lies there: check {keys[0]} and range")
         return np.asarray(pairs[kept])
 
 

@@ -139,13 +139,14 @@ def edges_on_segment(
 
 def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -> IntArray:
     """Edges (k, 2) of the boundary whose two ends lie in ranges of x and y [length], by their vertices."""
-    if x is None and y is None:
-        raise InputError("box", {}, "give a range of x, of y, or both: without them it is the whole boundary")
+    ranges = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
+    if not ranges:
+        raise InputError("box", ranges, "give a range of x, of y, or both: without them it is the whole boundary")
     low, high, tolerance = _box(vertices, x, y)
     is_inside = (vertices >= low - tolerance) & (vertices <= high + tolerance)
     pairs = _edges_between(topology, np.asarray(is_inside.all(axis=1)), False)
     if not len(pairs):
-        raise InputError("box", {"x": x, "y": y}, "no edge of the boundary lies in this box: make it larger")
+        raise InputError("box", ranges, "no edge of the boundary lies in this box: make it larger")
     return pairs
 
 

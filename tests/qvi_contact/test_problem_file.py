@@ -162,6 +162,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
      ("y = [0.0, 1.0]", "y = [0.0, 1.0]\nrefine = { largest = 1e-9 }", "mesh.refine.largest", "cells in all"),
      ("y = [0.0, 1.0]", 'y = [0.0, 1.0]\nrefine = { largest = 1, towards = ["a"] }', "mesh.refine.towards[0]", "name"),
      ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.9\n[material]", "regions[0].poisson", "at most 0.5"),
+     ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.3\n[material]", "regions[0].name", "which part"),
      ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.3\ny = [0.0, 0.5]\n[material]", "regions[0]", "cuts the"),
      ("[material]", 2 * '[[regions]]\nname = "a"\nx = [0, 1]\nyoung = 1\npoisson = 0\n' + "[material]",
       "regions[1].name", "exists already"),
