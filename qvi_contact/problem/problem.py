@@ -345,23 +345,20 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
     Of the mesh, vertices, triangles, arcs and named parts count; options that are None or change no answer do not.
     """
     used = {name: value for name, value in sorted(options.items()) if name not in _INERT and value is not None}
-    settings = {name: _plain(value) for name, value in used.items()}
     mesh = problems[0].mesh
     parts: list[object] = [type(mesh).__name__, mesh.vertices, mesh.cells, mesh.sides]
     for names, edges_of in ((mesh.edge_names, mesh.edge_set), (mesh.joint_names, mesh.joint_set)):
         parts += [part for name in names for part in (name, edges_of(name))]
-    digest = hashlib.sha256(_digest(parts) + repr(settings).encode())
+    digest = hashlib.sha256(_digest(parts) + repr(_plain(used)).encode())
     for number in range(len(problems)):
         digest.update(problem_digest(problems[number]))
     return digest.hexdigest()
 
 
 def _plain(value: Any) -> Any:
-    """A value of Python for one of NumPy, also in mappings and sequences, so that equal ones have one `repr`."""
+    """A number of Python for one of NumPy, also in mappings, so that equal options have one `repr`."""
     if isinstance(value, Mapping):
         return {name: _plain(each) for name, each in value.items()}
-    if isinstance(value, tuple | list):
-        return type(value)(map(_plain, value))
     return value.item() if isinstance(value, np.generic) else value
 
 

@@ -16,15 +16,8 @@ from qvi_contact.export import summary, write_npz
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.mechanism import upper_bound
 from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Expression,
-    Material,
-    Traction,
-    problem_digest,
-    run_digest,
-)
+    Contact, ContactProblem, Displacement, Expression, Material, Traction, problem_digest, run_digest,
+)  # fmt: skip
 from qvi_contact.verification import missed_tractions, verify_file
 from solvers import Status
 from tests.qvi_contact.builders import solved
@@ -351,7 +344,7 @@ def test_a_sweep_scales_one_of_them():
     alike = ({"a": 1.0, "b": 2.0}, {"b": 2.0, "a": 1.0})
     alike = (replace(others[0], temperature=Expression("a * x", a), body_potential=BodyForces(a)) for a in alike)
     assert len(set(map(problem_digest, alike))) == 1
-    options = ({"inner_options": {"n": (kind(3),)}} for kind in (int, np.int64))
+    options = ({"inner_options": {"n": kind(3)}} for kind in (int, np.int64))
     assert len({run_digest(others[:1], each) for each in options}) == 1
 
 
