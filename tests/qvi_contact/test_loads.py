@@ -15,9 +15,8 @@ from qvi_contact.element import adapted, constant
 from qvi_contact.export import summary, write_npz
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.mechanism import upper_bound
-from qvi_contact.problem import (
-    Contact, ContactProblem, Displacement, Expression, Material, Traction, problem_digest, run_digest,
-)  # fmt: skip
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction, problem_digest
+from qvi_contact.problem.problem import run_digest
 from qvi_contact.verification import missed_tractions, verify_file
 from solvers import Status
 from tests.qvi_contact.builders import solved
