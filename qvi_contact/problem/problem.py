@@ -202,18 +202,16 @@ class ContactProblem(WithFields, PicklesFields):
             title, edges = type(condition).__name__, self.mesh.edges(condition.edges)
             index = self.mesh.topology.outer.searchsorted(edges.number)
             for (kind, name), value in data.items():
-                frame = direction_of(name, edges), name in LOCAL
+                frame = direction_of(name, edges.normal, edges.tangent), name in LOCAL
                 prescribed[kind].append(Prescribed(condition, f"{title}.{name}", index, edges, *frame, value))
         return {kind: tuple(each) for kind, each in prescribed.items()}
 
 
-def direction_of(name: str, edges: Edges) -> FloatArray:
-    """Unit vectors (n, 2) of the component "x", "y", "normal" or "tangential" on edges."""
+def direction_of(name: str, normals: FloatArray, tangents: FloatArray) -> FloatArray:
+    """Unit vectors (n, 2) of the component "x", "y", "normal" or "tangential" where a line has these directions."""
     if name in LOCAL:
-        return edges.normal if name == "normal" else edges.tangent
-    vectors = np.zeros((len(edges), 2))
-    vectors[:, CARTESIAN.index(name)] = 1.0
-    return vectors
+        return normals if name == "normal" else tangents
+    return np.tile(np.eye(2)[CARTESIAN.index(name)], (len(normals), 1))
 
 
 def with_contacts(problem: ContactProblem, changed: Callable[[Contact], Contact]) -> ContactProblem:
