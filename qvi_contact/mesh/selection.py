@@ -200,36 +200,31 @@ def in_circles(points: FloatArray, centres: FloatArray, radius: FloatArray) -> t
 def crossing(ends: FloatArray, half_turns: FloatArray) -> IntArray:
     """Pairs (k, 2) of circular arcs, with ends (m, 2, 2) that turn by twice `half_turns` (m,) [rad], that cross.
 
-    Lines turn by 0, arcs by at most 90°. An end in common is no crossing. With chord d, first end p, half turn θ,
-    s = sin θ and c = cos θ a point x is on the circle of an arc if s |x − p|² + (x − p)·(−c d⊥ − s d) = 0, by the
-    theorem of the inscribed angle, where d⊥ is d turned by +90°. The points of an arc are
-
-        p + v (α + v β)/(1 + s² v²),   α = c d − s d⊥,   β = s (s d + c d⊥),   0 ≤ v ≤ 1/c
-
-    so that those on another circle are the roots v of a quadratic polynomial.
+    Lines turn by 0, arcs by at most 90°. An end in common is no crossing. In complex numbers an arc with first end p,
+    chord d and half turn θ is p + v α/(1 − i v sin θ) with α = d exp(−iθ) and 0 ≤ v cos θ ≤ 1. Another arc meets it
+    where its parameter, as a function of v, is real: v is a root of a quadratic polynomial.
     """
-    start, chord, sine, cosine = ends[:, 0], ends[:, 1] - ends[:, 0], np.sin(half_turns), np.cos(half_turns)
-    perpendicular, squares = chord[:, ::-1] * TURNED, np.square(chord).sum(axis=1)
-    alpha = cosine[:, None] * chord - sine[:, None] * perpendicular
-    beta = sine[:, None] * (sine[:, None] * chord + cosine[:, None] * perpendicular)
+    start, stop = (ends @ [1.0, 1.0j]).T
+    sine, cosine, lengths = np.sin(half_turns), np.cos(half_turns), np.abs(stop - start)
+    alpha = (stop - start) * np.exp(-1j * half_turns)
     # arcs lie in the circles whose diameters are their chords, so the middle of one of two that cross is no farther
     # from that of the longer one than this is long
     middles = ends.mean(axis=1)
-    a, b = in_circles(middles, middles, np.sqrt(squares))
-    a, b = np.stack([a, b])[:, (squares[a] > squares[b]) | ((squares[a] == squares[b]) & (a < b))]
-    offset = start[b] - start[a]
-    gradient = 2.0 * sine[a, None] * offset - cosine[a, None] * perpendicular[a] - sine[a, None] * chord[a]
-    constant = (offset * (gradient - sine[a, None] * offset)).sum(axis=1)
-    linear = (gradient * alpha[b]).sum(axis=1)
-    square = (gradient * beta[b]).sum(axis=1) + sine[a] * squares[b] + sine[b] ** 2 * constant
-    is_joined = (ends[a][:, :, None] == ends[b][:, None]).all(axis=3).any(axis=(1, 2))
+    a, b = in_circles(middles, middles, lengths)
+    a, b = np.stack([a, b])[:, (lengths[a] > lengths[b]) | ((lengths[a] == lengths[b]) & (a < b))]
+    offset, turn = start[b] - start[a], alpha[a].conj()
+    slope = alpha[b] - 1j * sine[b] * offset
+    constant = (offset * turn).imag - sine[a] * np.abs(offset) ** 2
+    linear = (alpha[b] * turn).imag - 2.0 * sine[a] * (offset * slope.conj()).real
+    square = sine[b] * (slope * turn).real - sine[a] * np.abs(slope) ** 2
+    is_joined = (start[a] == start[b]) | (start[a] == stop[b]) | (stop[a] == start[b]) | (stop[a] == stop[b])
     margin, is_crossed = np.where(is_joined, _AT_END, 0.0), np.zeros(len(a), dtype=bool)
     with np.errstate(all="ignore"):  # of parallel lines, and without a root
         half = -(linear + np.copysign(np.sqrt(linear**2 - 4.0 * square * constant), linear)) / 2.0
         for v in (half / square, constant / half):
-            point = offset + v[:, None] * (alpha[b] + v[:, None] * beta[b]) / (1.0 + (sine[b] * v) ** 2)[:, None]
-            on_a = (point * alpha[a]).sum(axis=1) / (squares[a] - sine[a] ** 2 * np.square(point).sum(axis=1))
-            shares = np.stack([v * cosine[b], on_a * cosine[a]])
+            point = offset + v * alpha[b] / (1.0 - 1j * sine[b] * v)
+            v_on_a = (point / (alpha[a] + 1j * sine[a] * point)).real
+            shares = np.stack([v * cosine[b], v_on_a * cosine[a]])
             is_crossed |= ((shares > margin) & (shares < 1.0 - margin)).all(axis=0)
     return np.column_stack([a, b])[is_crossed]
 
