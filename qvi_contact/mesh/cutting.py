@@ -105,8 +105,7 @@ def refuse_flaws(mesh: MeshParts) -> None:
 def refuse_overlap(mesh: MeshParts) -> None:
     """`InputError` where two sides of the body cross: the body lies on itself there.
 
-    Arcs of circles are exact. Other curves are divided into so short arcs of circles that these are less than 1e-8 of
-    an edge's length off.
+    Arcs of circles are exact, other curves are divided into shorter ones, about 1e-8 of an edge's length off.
     """
     numbers = mesh.topology.outer
     ends, bends = mesh.vertices[mesh.topology.ends[numbers]], mesh.bends[numbers]
@@ -114,14 +113,12 @@ def refuse_overlap(mesh: MeshParts) -> None:
     t = np.linspace(0.0, 1.0, _PIECES + 1)
     points = ends[is_curve, :1] + arc_offsets(ends[is_curve, 1] - ends[is_curve, 0], bends[is_curve], t)
     points[:, -1] = ends[is_curve, 1]  # without rounding: neighbours have one end
-    pieces = np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)
     half_turns = np.append(bends[~is_curve, 1], np.diff(angles(bends[is_curve], t), axis=1) / 2.0)
-    all_ends = np.concatenate([ends[~is_curve], pieces])
+    all_ends = np.concatenate([ends[~is_curve], np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)])
     crossed = crossing(all_ends, half_turns)
     if len(crossed):
-        place = place_of(all_ends[crossed[0].min()].mean(axis=0))
         remedy = "two sides of the body cross around this point, so it overlaps itself: correct the vertices there"
-        raise InputError("TriangleMesh", place, remedy)
+        raise InputError("TriangleMesh", place_of(all_ends[crossed[0].min()].mean(axis=0)), remedy)
 
 
 def _refuse(is_wrong: BoolArray, numbers: IntArray, remedy: str, places: FloatArray) -> None:

@@ -218,14 +218,13 @@ def crossing(ends: FloatArray, half_turns: FloatArray) -> IntArray:
     linear = (alpha[b] * turn).imag - 2.0 * sine[a] * (offset * slope.conj()).real
     square = sine[b] * (slope * turn).real - sine[a] * np.abs(slope) ** 2
     is_joined = (start[a] == start[b]) | (start[a] == stop[b]) | (stop[a] == start[b]) | (stop[a] == stop[b])
-    margin, is_crossed = np.where(is_joined, _AT_END, 0.0), np.zeros(len(a), dtype=bool)
+    margin = np.where(is_joined, _AT_END, 0.0)
     with np.errstate(all="ignore"):  # of parallel lines, and without a root
         half = -(linear + np.copysign(np.sqrt(linear**2 - 4.0 * square * constant), linear)) / 2.0
-        for v in (half / square, constant / half):
-            point = offset + v * alpha[b] / (1.0 - 1j * sine[b] * v)
-            v_on_a = (point / (alpha[a] + 1j * sine[a] * point)).real
-            shares = np.stack([v * cosine[b], v_on_a * cosine[a]])
-            is_crossed |= ((shares > margin) & (shares < 1.0 - margin)).all(axis=0)
+        v = np.stack([half / square, constant / half])
+        point = offset + v * alpha[b] / (1.0 - 1j * sine[b] * v)
+        shares = np.stack([v * cosine[b], (point / (alpha[a] + 1j * sine[a] * point)).real * cosine[a]])
+    is_crossed = ((shares > margin) & (shares < 1.0 - margin)).all(axis=0).any(axis=0)
     return np.column_stack([a, b])[is_crossed]
 
 
