@@ -83,10 +83,7 @@ class TestRefusals:
     @pytest.mark.parametrize("is_curved", [True, False])
     @pytest.mark.parametrize("gap", [1e-9, 1e-5, 0.1, -0.1, -0.3])
     def test_a_strip_that_winds_around_itself(self, gap, is_curved):
-        """Along spirals r = a + (w + gap) θ/2π, whose chords cross in thin gaps, by up to 4e-3 of their radius.
-
-        With a gap of −w both sides are circles, which lie on each other and cross nowhere.
-        """
+        """Along spirals r = a + (w + gap) θ/2π: chords cross in thin gaps, circles (gap −w) lie on each other."""
 
         def spiral(a):
             return lambda t: (a + (0.3 + gap) * t / (2 * np.pi))[:, None] * np.column_stack([np.cos(t), np.sin(t)])
@@ -100,14 +97,13 @@ class TestRefusals:
             TriangleMesh(vertices, cells, {}, {}, arcs if is_curved else [])
 
     @pytest.mark.parametrize("depth", [1e-9, 1e-4, 0.1, -1e-9, -1e-4, -0.1])
-    @pytest.mark.parametrize("half_turn", [0.0, 0.5])
+    @pytest.mark.parametrize("half_turn", [0.0, np.arcsin(0.95 / 2.0)])
     def test_circles_that_are_nearer_than_their_radii_cross(self, depth, half_turn):
         """A circle of radius 1, and above it one of radius 2 or a line; turned, far from the origin."""
-        x = 2.0 * np.sin(0.5)
         above = 1.0 - depth + (2.0 - 2.0 * np.cos(half_turn))
-        ends = np.array([[(np.sin(0.6), np.cos(0.6)), (-np.sin(0.6), np.cos(0.6))], [(-x, above), (x, above)]])
-        rotation = np.array([[0.8, 0.6], [-0.6, 0.8]])
-        assert len(crossing(ends @ rotation + (30.0, -20.0), np.array([0.6, half_turn]))) == (depth > 0.0)
+        ends = [[(np.sin(0.6), np.cos(0.6)), (-np.sin(0.6), np.cos(0.6))], [(-0.95, above), (0.95, above)]]
+        ends = turned(ends, 37.0) + (30.0, -20.0)
+        assert len(crossing(ends, np.array([0.6, half_turn]))) == (depth > 0.0)
 
     @staticmethod
     def two(vertices, cells, moved):
