@@ -92,7 +92,7 @@ class TestRefusals:
         vertices = np.concatenate([spiral(a)(angles) for a in (1.0, 1.3)])
         cells = np.concatenate([np.append(edges, edges[:, :1] + 38, 1), np.append(edges + 38, edges[:, 1:], 1)])
         arcs = [fitted("curve", spiral(1.0 + 0.3 * k), 0.0, angles[-1], edges + 38 * k, vertices) for k in (0, 1)]
-        is_flat, told = gap > (0.0 if is_curved else 0.05), "inside the edge" if is_curved and gap == -0.3 else "overlaps"
+        is_flat, told = gap > (0.0 if is_curved else 0.05), "inside the" if is_curved and gap == -0.3 else "overlaps"
         with nullcontext() if is_flat else pytest.raises(InputError, match=told):
             TriangleMesh(vertices, cells, {}, {}, arcs if is_curved else [])
 
