@@ -139,10 +139,9 @@ def edges_on_segment(
 
 def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -> IntArray:
     """Edges (k, 2) of the boundary whose two ends lie in ranges of x and y [length], by their vertices."""
-    ranges = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
+    low, high, tolerance, ranges = _box(vertices, x, y)
     if not ranges:
         raise InputError("box", ranges, "give a range of x, of y, or both: without them it is the whole boundary")
-    low, high, tolerance = _box(vertices, x, y)
     is_inside = (vertices >= low - tolerance) & (vertices <= high + tolerance)
     pairs = _edges_between(topology, np.asarray(is_inside.all(axis=1)), False)
     if not len(pairs):
@@ -152,8 +151,7 @@ def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -
 
 def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) -> IntArray:
     """Numbers (k,) of the triangles in ranges of x and y [length], the borders of which must be edges of the mesh."""
-    ranges = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
-    low, high, tolerance = _box(vertices, x, y)
+    low, high, tolerance, ranges = _box(vertices, x, y)
     corners = vertices[cells]
     centres = corners.mean(axis=1)  # decide for triangles smaller than the tolerance
     is_inside = ((corners >= low - tolerance) & (corners <= high + tolerance)).all(axis=(1, 2))
@@ -234,15 +232,14 @@ def _edges_between(topology: Topology, chosen: BoolArray, inside: bool) -> IntAr
     return np.asarray(ends[chosen[ends].all(axis=1) & (topology.boundary != inside)])
 
 
-def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArray, float]:
-    """Lower left and upper right corner (2,) of the box of two ranges, and the distance that is on its border."""
+def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArray, float, dict[str, Point]]:
+    """Lower left and upper right corner (2,) of the box of two ranges, the distance on its border, the ranges given."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     tolerance = _LINE_DISTANCE * float((high - low).max())
-    for axis, bounds in enumerate((x, y)):
-        if bounds is not None:
-            name = f"range.{'xy'[axis]}"
-            ends = real_array(name, bounds, "give a pair of numbers")
-            if ends.shape != (2,) or not ends[0] < ends[1]:
-                raise InputError(name, bounds, "give two numbers, the smaller end first")
-            low[axis], high[axis] = ends
-    return low, high, tolerance
+    ranges = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
+    for name, bounds in ranges.items():
+        ends = real_array(f"range.{name}", bounds, "give a pair of numbers")
+        if ends.shape != (2,) or not ends[0] < ends[1]:
+            raise InputError(f"range.{name}", bounds, "give two numbers, the smaller end first")
+        low["xy".index(name)], high["xy".index(name)] = ends
+    return low, high, tolerance, ranges

@@ -71,8 +71,8 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         vars(self).update(vertices=vertices, cells=cells)
         if not isinstance(self.arcs, Sequence) or not all(isinstance(arc, Curve) for arc in self.arcs):
             raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Curves")
-        arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.topology) for k, a in enumerate(self.arcs)]
-        object.__setattr__(self, "arcs", tuple(arcs))
+        arcs = tuple(a.checked(f"TriangleMesh.arcs[{k}]", self.topology) for k, a in enumerate(self.arcs))
+        vars(self).update(arcs=arcs)
         cutting.refuse_flaws(self)
         edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS_FORMAT)
         numbers = {name: checked_set(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
