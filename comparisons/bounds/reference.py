@@ -169,7 +169,8 @@ class _Model:
         for each in self._problem.conditions:
             stated = components(each) if isinstance(each, Displacement | Traction) else {}
             for name, field in ({"normal": 0.0} if isinstance(each, Symmetry) else stated).items():
-                direction = direction_of(name, self._fine.edges(each.edges))[0]
+                edges = self._fine.edges(each.edges)
+                direction = direction_of(name, edges.normal, edges.tangent)[0]
                 axis = int(np.abs(direction).argmax())
                 value = ng.CF(direction[axis]) * _function(field)
                 if isinstance(each, Traction):

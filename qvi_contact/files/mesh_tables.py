@@ -410,9 +410,9 @@ class _Place:
         if self.at is not None:
             kept &= middle[:, 1 - axis] == on_line("at", self.at, lines[1 - axis])
         if not kept.any():
-            where = "interior" if is_joint else "boundary"
-            given = {"side": facing, "start": self.start, "stop": self.stop, "at": self.at}
-            raise InputError("", given, f"no {where} edge lies there: check side and range")
+            where, key = ("interior", "direction") if is_joint else ("boundary", "side")
+            given = {each: v for each in (key, "start", "stop", "at") if (v := getattr(self, each)) is not None}
+            raise InputError("", given, f"no {where} edge lies there: check {key} and range")
         return np.asarray(pairs[kept])
 
 

@@ -246,8 +246,8 @@ class Document:
         regions = list[Region]()
         for index, table in enumerate(self.regions):
             with schema.located(f"regions[{index}]", schema.keys_of(Region)):
-                if table.name is None and table.x is None and table.y is None and "x" not in read_tables["mesh"]:
-                    remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
+                if table.name is None and table.x is None and table.y is None:
+                    remedy = "say which part is meant: name a region of the mesh, or give ranges x or y"
                     raise InputError("name", None, remedy)
                 _ = table.cells(mesh, regions)  # raises if its range cuts triangles, or its name is taken
                 regions.append(replace(table, material=replace(table.material, plane=self.material.plane)))

@@ -26,7 +26,7 @@ _JOIN_DISTANCE: Final = 1e-6  # the same for two bodies to be joined, whose coor
 _SLIT_WIDTH: Final = 30.0  # a hole between bodies is refused if narrower than this × the distance for joining
 _ON_EDGE: Final = 1e-9  # a vertex at this distance from an edge, relative to the edge's length, lies on it
 _MAX_ROUNDING: Final = 1e-3  # largest such distance that rounded data may explain
-_CHORDS: Final = 8  # of an arc, where it is compared with other sides of the body
+_PIECES: Final = 64  # of a curve that is no circle; the distance from a circle falls with the third power
 
 
 def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray, IntArray]:
@@ -69,7 +69,7 @@ def refuse_flaws(mesh: MeshParts) -> None:
     is_folded = (topology.count == 2) & (side_1 * side_2 > 0.0)
     overlap = "the triangles at the edge of these vertices around {} lie on one side of it and overlap: correct one"
     _refuse(is_folded, topology.ends, overlap, midpoints)
-    hanging, same_place = hanging_vertices(vertices, topology)[0], same_places(vertices)
+    hanging, same_place = hanging_vertices(mesh)[0], same_places(vertices)
     inside_edges = (
         "the first of these vertices, at {}, lies inside the edge of the others: divide the triangle there. Two "
         "bodies whose vertices do not match along a line are meshed as one with common nodes (BooleanFragments in "
@@ -103,29 +103,22 @@ def refuse_flaws(mesh: MeshParts) -> None:
 
 
 def refuse_overlap(mesh: MeshParts) -> None:
-    """`InputError` where two sides of the body cross, arcs as lines of chords: the body lies on itself there.
+    """`InputError` where two sides of the body cross: the body lies on itself there.
 
-    Chords of arcs with a thin gap may cross where the arcs do not. The sides in question are compared once more, by
-    chords so short that each turns from its arc by less than twice the angle that counts as rounding.
+    Arcs of circles are exact, other curves are divided into shorter ones, about 1e-8 of an edge's length off.
     """
     numbers = mesh.topology.outer
-    for count in (_CHORDS, _CHORDS**3):
-        ends, bends = mesh.vertices[mesh.topology.ends[numbers]], mesh.bends[numbers]
-        is_arc, chord = bends.any(axis=1), ends[:, 1] - ends[:, 0]
-        arcs = ends[is_arc, :1] + arc_offsets(chord[is_arc], bends[is_arc], np.linspace(0.0, 1.0, count + 1))
-        arcs[:, -1] = ends[is_arc, 1]  # without rounding, so that neighbours do not cross
-        segments = np.concatenate([ends[~is_arc], np.stack([arcs[:, :-1], arcs[:, 1:]], axis=2).reshape(-1, 2, 2)])
-        lengths, farthest = np.hypot(*(segments[:, 1] - segments[:, 0]).T), float(np.abs(mesh.vertices).max())
-        crossed = crossing(segments, np.maximum(_MAX_ROUNDING * lengths, 16.0 * np.finfo(float).eps * farthest))
-        if not len(crossed):
-            return
-        side = np.concatenate([numbers[~is_arc], np.repeat(numbers[is_arc], count)])
-        numbers = np.unique(side[crossed])
-    remedy = (
-        "two sides of the body cross around this point, so the body overlaps itself: correct the vertices there, or "
-        "divide arcs into shorter edges"
-    )
-    raise InputError("TriangleMesh", place_of(segments[crossed.min()].mean(axis=0)), remedy)
+    ends, bends = mesh.vertices[mesh.topology.ends[numbers]], mesh.bends[numbers]
+    is_curve = bends[:, [0, *range(2, bends.shape[1])]].any(axis=1)
+    t = np.linspace(0.0, 1.0, _PIECES + 1)
+    points = ends[is_curve, :1] + arc_offsets(ends[is_curve, 1] - ends[is_curve, 0], bends[is_curve], t)
+    points[:, -1] = ends[is_curve, 1]  # without rounding: neighbours have one end
+    half_turns = np.append(bends[~is_curve, 1], np.diff(angles(bends[is_curve], t), axis=1) / 2.0)
+    all_ends = np.concatenate([ends[~is_curve], np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)])
+    crossed = crossing(all_ends, half_turns)
+    if len(crossed):
+        remedy = "two sides of the body cross around this point, so it overlaps itself: correct the vertices there"
+        raise InputError("TriangleMesh", place_of(all_ends[crossed[0].min()].mean(axis=0)), remedy)
 
 
 def _refuse(is_wrong: BoolArray, numbers: IntArray, remedy: str, places: FloatArray) -> None:
@@ -151,15 +144,13 @@ def same_places(vertices: FloatArray) -> IntArray:
     return pairs[pairs[:, 0] < pairs[:, 1]]
 
 
-def hanging_vertices(
-    vertices: FloatArray, topology: Topology, bends: FloatArray | None = None, reach: float = 0.0
-) -> tuple[IntArray, FloatArray]:
+def hanging_vertices(mesh: MeshParts, reach: float = 0.0) -> tuple[IntArray, FloatArray]:
     """Pairs (k, 2) of a vertex and a boundary edge inside which it lies, and its fraction (k,) of the edge's length.
 
-    Edges follow their arcs if `bends` are given. Coordinates may be rounded by a distance `reach` [length]; then
-    vertices close to an end count too.
+    Coordinates may be rounded by a distance `reach` [length], on arcs relative to the radius; then vertices close to an
+    end count too.
     """
-    outer = topology.outer
+    vertices, topology, outer = mesh.vertices, mesh.topology, mesh.topology.outer
     first, second = vertices.take(topology.ends.take(outer, axis=0), axis=0).swapaxes(0, 1)
     lengths = np.hypot(*(second - first).T)
     if not lengths.all():  # edges without length hold no vertex
@@ -171,13 +162,13 @@ def hanging_vertices(
         return np.empty((0, 2), dtype=np.int64), np.empty(0)
     vertex = candidates[vertex]
     offset, chord, length = vertices[vertex] - first[edge], (second - first)[edge], lengths[edge]
-    bend = np.zeros((len(edge), 1)) if bends is None else bends[outer[edge]]
+    bend = mesh.bends[outer[edge]]
     share = shares_along(chord, bend, offset)
     distance = np.hypot(*(arc_offsets(chord, bend, share[:, None])[:, 0] - offset).T) / length
-    # vertices on arcs are rounded relative to the radius, which is about the edge's length over its angle
-    is_arc, turn = bend.any(axis=1), np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
     rounding = np.maximum(_ON_EDGE, np.minimum(reach / length, _MAX_ROUNDING))
-    rounding[is_arc] = np.minimum(ROUNDING / turn[is_arc], _MAX_ROUNDING)
+    if reach:  # of vertices on arcs relative to the radius, which is about the edge's length over its angle
+        is_arc, turn = bend.any(axis=1), np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
+        rounding[is_arc] = np.minimum(ROUNDING / turn[is_arc], _MAX_ROUNDING)
     is_hanging = (distance <= rounding) & (share > 0.0) & (share < 1.0)
     return np.column_stack([vertex[is_hanging], outer[edge[is_hanging]]]), share[is_hanging]
 
@@ -381,7 +372,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     merged = linked(one[coincide], two[coincide], len(vertices))
     _, first, new_number = np.unique(merged, return_index=True, return_inverse=True)
     # vertices of one piece inside boundary edges of another piece
-    hanging, shares = hanging_vertices(vertices, topology, mesh.bends, reach)
+    hanging, shares = hanging_vertices(mesh, reach)
     is_other_piece = own_piece[hanging[:, 0]] != piece[topology.cells[hanging[:, 1], 0]]
     is_other_piece &= (new_number[hanging[:, :1]] != new_number[topology.ends[hanging[:, 1]]]).all(axis=1)
     # for each edge in turn its first vertex, the vertices of other pieces inside it, and its last vertex

@@ -26,6 +26,7 @@ from typing import Final, Self
 
 import numpy as np
 from numpy.polynomial.legendre import legval
+from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element.edge import gauss_legendre, legendre_from_values
@@ -126,18 +127,16 @@ def angles(bend: FloatArray, t: FloatArray) -> FloatArray:
 
 def stretches(bend: FloatArray) -> FloatArray:
     """Ratios ℓ (n,) of the lengths of edges with bends (n, k) to their chords; 1 for straight edges."""
-    x, _ = _integrals(bend, np.ones((len(bend), 1)))
-    return np.asarray(1.0 / x[:, 0])
+    return np.asarray(1.0 / _integrals(bend, np.ones((len(bend), 1))).real[:, 0])
 
 
 def arc_offsets(chords: FloatArray, bend: FloatArray, t: FloatArray) -> FloatArray:
     """Vectors (n, q, 2) from first ends of edges with chords (n, 2), bends (n, k) to points at t, (q,) or (n, q)."""
     n_edges = len(chords)
     shares = np.concatenate([np.broadcast_to(t, (n_edges, np.shape(t)[-1])), np.ones((n_edges, 1))], axis=1)
-    x, y = _integrals(bend, shares)
-    perpendicular = np.column_stack([-chords[:, 1], chords[:, 0]])
-    offsets = x[:, :-1, None] * chords[:, None] + y[:, :-1, None] * perpendicular[:, None]
-    return np.asarray(offsets / x[:, -1:, None])  # the last x is 1/ℓ
+    along = _integrals(bend, shares)
+    offsets = along[:, :-1] * (chords @ [1.0, 1.0j])[:, None] / along[:, -1:].real  # the last real part is 1/ℓ
+    return np.stack([offsets.real, offsets.imag], axis=-1)
 
 
 def shares_along(chords: FloatArray, bend: FloatArray, offsets: FloatArray) -> FloatArray:
@@ -159,9 +158,8 @@ def shares_along(chords: FloatArray, bend: FloatArray, offsets: FloatArray) -> F
 
 def levelled(bend: FloatArray) -> FloatArray:
     """The bends of the same curves with θ measured from the chord, so that ∫ sin θ = 0."""
-    x, y = _integrals(bend, np.ones((len(bend), 1)))
     turned_bend = bend.copy()
-    turned_bend[:, 0] -= np.arctan2(y, x)[:, 0]
+    turned_bend[:, 0] -= np.angle(_integrals(bend, np.ones((len(bend), 1))))[:, 0]
     return turned_bend
 
 
@@ -180,9 +178,8 @@ def part_of(bend: FloatArray, start: FloatArray, stop: FloatArray) -> FloatArray
 
 def turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:
     """Vectors (..., 2) turned counterclockwise by angles (...) [rad]."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
+    turned_vectors = (vectors @ [1.0, 1.0j]) * np.exp(1j * angle)
+    return np.stack([turned_vectors.real, turned_vectors.imag], axis=-1)
 
 
 def cross(u: FloatArray, v: FloatArray) -> FloatArray:
@@ -190,19 +187,15 @@ def cross(u: FloatArray, v: FloatArray) -> FloatArray:
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
-def _integrals(bend: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """∫₀ᵗ cos θ and ∫₀ᵗ sin θ at t (n, q), (n, q) each; on straight edges exactly t and 0."""
-    x, y = np.array(t), np.zeros(t.shape)
-    bent = np.flatnonzero(bend.any(axis=1))
-    if not len(bent):
-        return x, y
-    nodes, weights = gauss_legendre(bend.shape[1] + _EXTRA_POINTS)
-    stop = t[bent]
-    points = stop[:, :, None] * nodes
-    angle = angles(bend[bent], points.reshape(len(bent), stop.shape[1] * len(nodes))).reshape(points.shape)
-    x[bent] = stop * (np.cos(angle) @ weights)
-    y[bent] = stop * (np.sin(angle) @ weights)
-    return x, y
+def _integrals(bend: FloatArray, t: FloatArray) -> NDArray[np.complex128]:
+    """∫₀ᵗ exp(iθ) at t (n, q), (n, q); on straight edges exactly t."""
+    integrals, bent = t.astype(np.complex128), np.flatnonzero(bend.any(axis=1))
+    if len(bent):
+        nodes, weights = gauss_legendre(bend.shape[1] + _EXTRA_POINTS)
+        points = t[bent][:, :, None] * nodes
+        angle = angles(bend[bent], points.reshape(len(bent), -1)).reshape(points.shape)
+        integrals[bent] = t[bent] * (np.exp(1j * angle) @ weights)
+    return integrals
 
 
 # triangles with curved sides

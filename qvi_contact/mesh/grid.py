@@ -125,8 +125,9 @@ def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshPart
     around = np.array([0, 1, len(x_lines) + 1, len(x_lines)])  # counterclockwise from the lower left corner
     quads = (column + row * len(x_lines))[:, None] + around
     is_upper, is_right = 2 * row + 1 >= is_body.shape[0], 2 * column + 1 >= is_body.shape[1]
-    ends, is_outer = sides_of(quads)
-    sets = {name: ends[is_outer[:, side], side] for side, name in enumerate(SIDES)}
+    body, neighbours = np.pad(is_body, 1), ((0, 1), (1, 2), (2, 1), (1, 0))  # much faster than `sides_of`
+    is_outer = ~np.column_stack([body[row + up, column + right] for up, right in neighbours])
+    sets = {name: quads[is_outer[:, side]][:, [side, side - 3]] for side, name in enumerate(SIDES)}
     triangles, _ = triangles_of(vertices, quads, is_outer, prefers_bd=is_upper != is_right)
     return MeshParts(vertices, triangles, sets).without_others()
 

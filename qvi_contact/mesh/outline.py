@@ -235,7 +235,7 @@ def _check_lines(outline: Polygons) -> None:
     next_point = np.concatenate([np.roll(part, -1) for part in np.split(boundary, np.cumsum(counts)[:-1])])
     touches = (distances <= rounding) & (np.maximum(near, point) < len(boundary)) & (near != point)
     touching = near[touches][next_point[near[touches]] != point[touches]]
-    wrong = np.append(touching, crossing(pieces[boundary], np.full(len(boundary), rounding)))
+    wrong = np.append(touching, crossing(pieces[boundary], np.zeros(len(boundary))))
     if len(wrong):
         x, y = middles[wrong.min()].tolist()
         raise InputError("outline", (x, y), "two lines of the boundary cross or touch around this point")

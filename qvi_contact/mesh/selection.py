@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.basics.schema import Listed, Number
 from qvi_contact.errors import InputError, place_of
-from qvi_contact.mesh.edges import TURNED, Topology, cross
+from qvi_contact.mesh.edges import TURNED, Topology
 
 Point: TypeAlias = Sequence[float]
 Range: TypeAlias = Sequence[float] | None
@@ -23,6 +23,7 @@ ASLANT: Final = (np.cos(1.0), np.sin(1.0))
 
 _LINE_DISTANCE: Final = 1e-6  # a vertex at this distance from a line, relative to the body's length, lies on it
 _MAX_SLOPE: Final = 0.1  # an edge with a larger slope to a line is not on it, however short the edge is
+_AT_END: Final = 1e-6  # fraction of an arc, at an end that two arcs have in common, where rounding moves a crossing
 _EXACT_INTEGERS: Final = 2.0**53  # doubles below it represent all integers
 
 
@@ -138,18 +139,19 @@ def edges_on_segment(
 
 def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -> IntArray:
     """Edges (k, 2) of the boundary whose two ends lie in ranges of x and y [length], by their vertices."""
-    low, high, tolerance = _box(vertices, x, y)
+    low, high, tolerance, ranges = _box(vertices, x, y)
+    if not ranges:
+        raise InputError("box", ranges, "give a range of x, of y, or both: without them it is the whole boundary")
     is_inside = (vertices >= low - tolerance) & (vertices <= high + tolerance)
     pairs = _edges_between(topology, np.asarray(is_inside.all(axis=1)), False)
     if not len(pairs):
-        raise InputError("box", {"x": x, "y": y}, "no edge of the boundary lies in this box: make it larger")
+        raise InputError("box", ranges, "no edge of the boundary lies in this box: make it larger")
     return pairs
 
 
 def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) -> IntArray:
     """Numbers (k,) of the triangles in ranges of x and y [length], the borders of which must be edges of the mesh."""
-    ranges = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
-    low, high, tolerance = _box(vertices, x, y)
+    low, high, tolerance, ranges = _box(vertices, x, y)
     corners = vertices[cells]
     centres = corners.mean(axis=1)  # decide for triangles smaller than the tolerance
     is_inside = ((corners >= low - tolerance) & (corners <= high + tolerance)).all(axis=(1, 2))
@@ -193,23 +195,35 @@ def in_circles(points: FloatArray, centres: FloatArray, radius: FloatArray) -> t
     return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
 
 
-def crossing(segments: FloatArray, rounding: FloatArray) -> IntArray:
-    """Pairs (k, 2) of segments (m, 2, 2) that cross: the ends of each lie on both sides of the other.
+def crossing(ends: FloatArray, half_turns: FloatArray) -> IntArray:
+    """Pairs (k, 2) of circular arcs, with ends (m, 2, 2) that turn by twice `half_turns` (m,) [rad], that cross.
 
-    They are farther from it than the smaller `rounding` (m,) of the two segments [length].
+    Lines turn by 0, arcs by at most 90°. An end in common is no crossing. In complex numbers an arc with first end p,
+    chord d and half turn θ is p + v α/(1 − i v sin θ) with α = d exp(−iθ) and 0 ≤ v cos θ ≤ 1. Another arc meets it
+    where its parameter, as a function of v, is real: v is a root of a quadratic polynomial.
     """
-    start, chord = segments[:, 0], segments[:, 1] - segments[:, 0]
-    middles, lengths = segments.mean(axis=1), np.hypot(*chord.T)
-    # of two segments that cross, the middle of the shorter one is no farther from that of the other than this is long
-    one, other = in_circles(middles, middles, lengths)
-    least = np.minimum(rounding[one], rounding[other])
-
-    def separates(line: IntArray, across: IntArray) -> BoolArray:
-        """Whether the ends of segments `across` lie on both sides of segments `line`."""
-        left, right = (cross(chord[line], segments[across, end] - start[line]) / lengths[line] for end in (0, 1))
-        return np.asarray((np.minimum(left, right) < -least) & (np.maximum(left, right) > least))
-
-    return np.column_stack([one, other])[separates(one, other) & separates(other, one)]
+    start, stop = (ends @ [1.0, 1.0j]).T
+    sine, cosine, lengths = np.sin(half_turns), np.cos(half_turns), np.abs(stop - start)
+    alpha = (stop - start) * np.exp(-1j * half_turns)
+    # arcs lie in the circles whose diameters are their chords, so the middle of one of two that cross is no farther
+    # from that of the longer one than this is long
+    middles = ends.mean(axis=1)
+    a, b = in_circles(middles, middles, lengths)
+    a, b = np.stack([a, b])[:, (lengths[a] > lengths[b]) | ((lengths[a] == lengths[b]) & (a < b))]
+    offset, turn = start[b] - start[a], alpha[a].conj()
+    slope = alpha[b] - 1j * sine[b] * offset
+    constant = (offset * turn).imag - sine[a] * np.abs(offset) ** 2
+    linear = (alpha[b] * turn).imag - 2.0 * sine[a] * (offset * slope.conj()).real
+    square = sine[b] * (slope * turn).real - sine[a] * np.abs(slope) ** 2
+    is_joined = (start[a] == start[b]) | (start[a] == stop[b]) | (stop[a] == start[b]) | (stop[a] == stop[b])
+    margin = np.where(is_joined, _AT_END, 0.0)
+    with np.errstate(all="ignore"):  # of parallel lines, and without a root
+        half = -(linear + np.copysign(np.sqrt(linear**2 - 4.0 * square * constant), linear)) / 2.0
+        v = np.stack([half / square, constant / half])
+        point = offset + v * alpha[b] / (1.0 - 1j * sine[b] * v)
+        shares = np.stack([v * cosine[b], (point / (alpha[a] + 1j * sine[a] * point)).real * cosine[a]])
+    is_crossed = ((shares > margin) & (shares < 1.0 - margin)).all(axis=0).any(axis=0)
+    return np.column_stack([a, b])[is_crossed]
 
 
 def _edges_between(topology: Topology, chosen: BoolArray, inside: bool) -> IntArray:
@@ -218,15 +232,14 @@ def _edges_between(topology: Topology, chosen: BoolArray, inside: bool) -> IntAr
     return np.asarray(ends[chosen[ends].all(axis=1) & (topology.boundary != inside)])
 
 
-def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArray, float]:
-    """Lower left and upper right corner (2,) of the box of two ranges, and the distance that is on its border."""
+def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArray, float, dict[str, Point]]:
+    """Lower left and upper right corner (2,) of the box of two ranges, the distance on its border, the ranges given."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     tolerance = _LINE_DISTANCE * float((high - low).max())
-    for axis, bounds in enumerate((x, y)):
-        if bounds is not None:
-            name = f"range.{'xy'[axis]}"
-            ends = real_array(name, bounds, "give a pair of numbers")
-            if ends.shape != (2,) or not ends[0] < ends[1]:
-                raise InputError(name, bounds, "give two numbers, the smaller end first")
-            low[axis], high[axis] = ends
-    return low, high, tolerance
+    ranges = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
+    for name, bounds in ranges.items():
+        ends = real_array(f"range.{name}", bounds, "give a pair of numbers")
+        if ends.shape != (2,) or not ends[0] < ends[1]:
+            raise InputError(f"range.{name}", bounds, "give two numbers, the smaller end first")
+        low["xy".index(name)], high["xy".index(name)] = ends
+    return low, high, tolerance, ranges

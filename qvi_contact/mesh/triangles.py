@@ -69,6 +69,10 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
     def __post_init__(self) -> None:
         vertices, cells = cutting.checked_triangles(self.vertices, self.cells)
         vars(self).update(vertices=vertices, cells=cells)
+        if not isinstance(self.arcs, Sequence) or not all(isinstance(arc, Curve) for arc in self.arcs):
+            raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Curves")
+        arcs = tuple(a.checked(f"TriangleMesh.arcs[{k}]", self.topology) for k, a in enumerate(self.arcs))
+        vars(self).update(arcs=arcs)
         cutting.refuse_flaws(self)
         edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS_FORMAT)
         numbers = {name: checked_set(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
@@ -77,10 +81,6 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         named = mapping("TriangleMesh.regions", self.regions, "names to numbers of triangles")
         regions = {name: checked_region(name, given, len(self.cells)) for name, given in named.items()}
         vars(self).update(edge_sets=MappingProxyType(pairs), _numbers=numbers, regions=MappingProxyType(regions))
-        if not isinstance(self.arcs, Sequence) or not all(isinstance(arc, Curve) for arc in self.arcs):
-            raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Curves")
-        arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.topology) for k, a in enumerate(self.arcs)]
-        object.__setattr__(self, "arcs", tuple(arcs))
         if arcs:
             refuse_bad_arcs(self)
         cutting.refuse_overlap(self)

@@ -120,7 +120,9 @@ def _lay_out(figure: "Figure", box: FloatArray, title: str, answer: str, foot: s
         body.set(xlim=box[:, 0], ylim=box[:, 1])
         body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
         body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
-        box = labels.fit(box)
+        held, box = box, labels.fit(box)
+        if np.array_equal(held, box):
+            break
 
 
 def _answer(result: ContactResult, ranked: Sequence[ContactLine], units: Units) -> str:
@@ -321,7 +323,9 @@ def history_figure(
         box = picture.box
         for _ in range(_PASSES):
             body.set(xlim=box[:, 0], ylim=box[:, 1])
-            box = picture.labels.fit(box)
+            held, box = box, picture.labels.fit(box)
+            if np.array_equal(held, box):
+                break
     return figure
 
 

@@ -21,7 +21,8 @@ from qvi_contact.problem.conditions import (
     Traction,
     components,
 )
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.material import temperature_of
+from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.units import Units
 
 if TYPE_CHECKING:
@@ -427,7 +428,7 @@ class _Sketch:
         both = len(held) == 2
         for run in pieces:
             places = self._beside(run)
-            is_normal = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) > _ACROSS
+            is_normal = np.abs((direction_of(held[0], *places[1:]) * places.normals).sum(axis=1)) > _ACROSS
             is_normal |= both
             self._mark(places.points[~is_normal], "d", style.BLUE, filled=both)
             angles = np.round(np.degrees(np.arctan2(*places.normals.T[::-1])) + 90.0)  # the marker "^" turned inwards
@@ -509,20 +510,12 @@ def _initial_strain(problem: ContactProblem, number: int, units: Units) -> Itera
     x, y = problem.mesh.corners[problem.cell_materials == number].reshape(-1, 2).T
     fields: dict[str, Field] = {"shrinkage": material.shrinkage}
     if material.expansion != 0.0:
-        local = problem.regions[number - 1].temperature if number else None
-        fields |= {"α": material.expansion, "ΔT": problem.temperature if local is None else local}
+        fields |= {"α": material.expansion, "ΔT": temperature_of(problem, number)}
     fields |= dict(zip(("σ⁰_xx", "σ⁰_yy", "σ⁰_xy"), material.prestress or (), strict=False))
     for name, field in fields.items():
         values = evaluate(name, field, x, y)
         if values.any():
             yield style.value_range(name, values, units.stress if name.startswith("σ") else "")
-
-
-def _directions(component: str, places: Places) -> FloatArray:
-    """Unit vectors (n, 2) in the direction of a component at places."""
-    if component in LOCAL:
-        return places.normals if component == "normal" else places.tangents
-    return np.tile(np.eye(2)[CARTESIAN.index(component)], (len(places.points), 1))
 
 
 def _values(condition: Traction | Displacement, places: Places) -> dict[str, FloatArray]:
@@ -533,5 +526,5 @@ def _values(condition: Traction | Displacement, places: Places) -> dict[str, Flo
 
 def _vectors(condition: Traction | Displacement, places: Places) -> FloatArray:
     """The prescribed vectors (n, 2) at places; zero in components that are not given."""
-    parts = [value[:, None] * _directions(name, places) for name, value in _values(condition, places).items()]
-    return np.asarray(np.sum(parts, axis=0))
+    values = _values(condition, places).items()
+    return np.asarray(sum(value[:, None] * direction_of(name, *places[1:]) for name, value in values))

@@ -250,7 +250,7 @@ class Labels:
             boxes.append(text.get_window_extent().padded(3.0))
             low, high = self._axes.transData.inverted().transform(text.get_window_extent().get_points())
             margin = 0.01 * (box[1] - box[0])
-            box = np.array([np.minimum(box[0], low - margin), np.maximum(box[1], high + margin)])
+            box = np.where([low < box[0], high > box[1]], [low - margin, high + margin], box)
         return box
 
 

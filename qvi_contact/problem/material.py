@@ -245,7 +245,7 @@ def is_strained(problem: ContactProblem) -> bool:
     return any(
         material.prestress is not None
         or acts(material.shrinkage)
-        or (material.expansion != 0.0 and acts(_temperature(problem, number)))
+        or (material.expansion != 0.0 and acts(temperature_of(problem, number)))
         for number, material in enumerate(problem.materials)
     )
 
@@ -286,7 +286,7 @@ def stress_along_z(
     return sigma_zz
 
 
-def _temperature(problem: ContactProblem, number: int) -> Field:
+def temperature_of(problem: ContactProblem, number: int) -> Field:
     """The temperature where the material is the one with this index in `ContactProblem.materials`."""
     regional = problem.regions[number - 1].temperature if number else None
     return problem.temperature if regional is None else regional
@@ -298,7 +298,7 @@ def _initial_strains(
     """For each material of the cells (k,): a mask of its cells, e = α ΔT − s and the prestress at their points."""
     numbers = problem.cell_materials[cells]
     for number in np.unique(numbers).tolist():
-        material, temperature, is_here = problem.materials[number], _temperature(problem, number), numbers == number
+        material, temperature, is_here = problem.materials[number], temperature_of(problem, number), numbers == number
         points = x[is_here], y[is_here]
         strain = -evaluate("Material.shrinkage", material.shrinkage, *points)
         if material.expansion != 0.0 and acts(temperature):

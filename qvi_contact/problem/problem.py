@@ -202,18 +202,16 @@ class ContactProblem(WithFields, PicklesFields):
             title, edges = type(condition).__name__, self.mesh.edges(condition.edges)
             index = self.mesh.topology.outer.searchsorted(edges.number)
             for (kind, name), value in data.items():
-                frame = direction_of(name, edges), name in LOCAL
+                frame = direction_of(name, edges.normal, edges.tangent), name in LOCAL
                 prescribed[kind].append(Prescribed(condition, f"{title}.{name}", index, edges, *frame, value))
         return {kind: tuple(each) for kind, each in prescribed.items()}
 
 
-def direction_of(name: str, edges: Edges) -> FloatArray:
-    """Unit vectors (n, 2) of the component "x", "y", "normal" or "tangential" on edges."""
+def direction_of(name: str, normals: FloatArray, tangents: FloatArray) -> FloatArray:
+    """Unit vectors (n, 2) of the component "x", "y", "normal" or "tangential" where a line has these directions."""
     if name in LOCAL:
-        return edges.normal if name == "normal" else edges.tangent
-    vectors = np.zeros((len(edges), 2))
-    vectors[:, CARTESIAN.index(name)] = 1.0
-    return vectors
+        return normals if name == "normal" else tangents
+    return np.tile(np.eye(2)[CARTESIAN.index(name)], (len(normals), 1))
 
 
 def with_contacts(problem: ContactProblem, changed: Callable[[Contact], Contact]) -> ContactProblem:
@@ -345,15 +343,21 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
     Of the mesh, vertices, triangles, arcs and named parts count; options that are None or change no answer do not.
     """
     used = {name: value for name, value in sorted(options.items()) if name not in _INERT and value is not None}
-    settings = {name: value.item() if isinstance(value, np.generic) else value for name, value in used.items()}
     mesh = problems[0].mesh
     parts: list[object] = [type(mesh).__name__, mesh.vertices, mesh.cells, mesh.sides]
     for names, edges_of in ((mesh.edge_names, mesh.edge_set), (mesh.joint_names, mesh.joint_set)):
         parts += [part for name in names for part in (name, edges_of(name))]
-    digest = hashlib.sha256(_digest(parts) + repr(settings).encode())
+    digest = hashlib.sha256(_digest(parts) + repr(_plain(used)).encode())
     for number in range(len(problems)):
         digest.update(problem_digest(problems[number]))
     return digest.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """A number of Python for one of NumPy, also in mappings, so that equal options have one `repr`."""
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in value.items()}
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def problem_digest(problem: ContactProblem) -> bytes:

@@ -87,7 +87,7 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
         yield (
             f"Computed tractions differ from the prescribed ones by up to {result.traction_misfit:.3g} [stress] at "
             "single points. Force and moment on every edge are right. To reduce the difference, let an edge end where "
-            "the tractions jump, or refine there."
+            "the tractions jump or bend, or refine there."
         )
     t, weight = (each[:1] for each in result.discretization.space.cell_quadrature)  # at one point of each triangle
     stress = scales.stress * stress_in_cells(result.discretization, result.dofs, t=t)[1].swapaxes(1, 2)

@@ -16,6 +16,7 @@ from qvi_contact.export import summary, write_npz
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.mechanism import upper_bound
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction, problem_digest
+from qvi_contact.problem.problem import run_digest
 from qvi_contact.verification import missed_tractions, verify_file
 from solvers import Status
 from tests.qvi_contact.builders import solved
@@ -342,6 +343,7 @@ def test_a_sweep_scales_one_of_them():
     alike = ({"a": 1.0, "b": 2.0}, {"b": 2.0, "a": 1.0})
     alike = (replace(others[0], temperature=Expression("a * x", a), body_potential=BodyForces(a)) for a in alike)
     assert len(set(map(problem_digest, alike))) == 1
+    assert len({run_digest(others[:1], {"inner_options": {"n": kind(3)}}) for kind in (int, np.int64)}) == 1
 
 
 def test_files_and_copies_hold_them_and_they_are_checked():

@@ -115,17 +115,12 @@ class TestPolygons:
 
 def _simple(points):
     """Whether a polygon does not cross itself, in the plainest way; no three of the corners are on one line."""
-
-    def left(a, b, c):
-        return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0
-
-    n, p = len(points), points
-    pairs = [(i, j) for i in range(n) for j in range(i + 2, n) if (i, j) != (0, n - 1)]
-    return not any(
-        left(p[i], p[i + 1], p[j]) != left(p[i], p[i + 1], p[(j + 1) % n])
-        and left(p[j], p[(j + 1) % n], p[i]) != left(p[j], p[(j + 1) % n], p[i + 1])
-        for i, j in pairs
-    )
+    start, n = points @ [1.0, 1.0j], len(points)
+    side = (np.roll(start, -1) - start)[:, None]
+    is_left = ((start - start[:, None]) / side).imag > 0.0  # of side i is corner j
+    parts = is_left != np.roll(is_left, -1, axis=1)  # side i the ends of side j
+    distance = np.abs(np.arange(n) - np.arange(n)[:, None])
+    return not (parts & parts.T & (distance > 1) & (distance < n - 1)).any()
 
 
 def test_triangles_that_fill_corners_are_divided_but_lines_with_a_name_stay():

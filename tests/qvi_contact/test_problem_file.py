@@ -161,7 +161,9 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
      ("y = [0.0, 1.0]", "y = [0.0, 1.0]\nremove = [{ x = [0.0, 0.4] }]", "mesh.remove[0].x", "nearest one is at 0"),
      ("y = [0.0, 1.0]", "y = [0.0, 1.0]\nrefine = { largest = 1e-9 }", "mesh.refine.largest", "cells in all"),
      ("y = [0.0, 1.0]", 'y = [0.0, 1.0]\nrefine = { largest = 1, towards = ["a"] }', "mesh.refine.towards[0]", "name"),
+     ("[material]", "[[joints]]\nname = 'a'\nsegment = [[0, 0], [1, 1]]\n[material]", "joints[0]", "no contact uses"),
      ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.9\n[material]", "regions[0].poisson", "at most 0.5"),
+     ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.3\n[material]", "regions[0].name", "which part"),
      ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.3\ny = [0.0, 0.5]\n[material]", "regions[0]", "cuts the"),
      ("[material]", 2 * '[[regions]]\nname = "a"\nx = [0, 1]\nyoung = 1\npoisson = 0\n' + "[material]",
       "regions[1].name", "exists already"),
@@ -219,13 +221,6 @@ def test_files_that_are_no_text_or_not_there(tmp_path):
 def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):
     (tmp_path / "windows.toml").write_bytes(b"\xef\xbb\xbf" + SMALL.replace("\n", "\r\n").encode())
     assert load_problem(tmp_path / "windows.toml").problem.mesh.cell_count == 2
-
-
-def test_a_joint_that_no_contact_uses_is_named():
-    text = (Path(__file__).parents[2] / "examples" / "stacked_blocks.toml").read_text(encoding="utf-8")
-    last = text.rindex("[[contacts]]")
-    with pytest.raises(InputError, match=r"joints\[1\].*'upper'.*no contact uses this joint"):
-        problem_from_toml(text[:last])
 
 
 @pytest.mark.parametrize(

@@ -116,6 +116,7 @@ class TestMeshFiles:
         ("[[0.0, 1.0], [2.0, 1.0]]", "[[0.0, 1.5], [2.0, 1.5]]", "edges[0].segment", "no edge of the boundary"),
         ("[[0.0, 1.0], [2.0, 1.0]]", "[[0.0, 1.0], [0.0, 1.0]]", "edges[0].segment", "two different"),
         ("box = { x = [-0.1, 0.1] }", "box = { x = [0.3, 0.4] }", "edges[1].box", "larger"),
+        ("box = { x = [-0.1, 0.1] }", "box = {}", "edges[1].box", "range of x"),
         ("box = { x = [-0.1, 0.1] }", "box = { x = [0.1, -0.1] }", "edges[1].box.x", "smaller end"),
         ("box = { x = [-0.1, 0.1] }", 'side = "left"', "edges[1].segment", "sides"),
         ("box = { x = [-0.1, 0.1] }", 'box = { x = [-0.1, 0.1] }\nside = "left"', "edges[1].box", "one of"),

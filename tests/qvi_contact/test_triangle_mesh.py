@@ -11,6 +11,7 @@ from qvi_contact import Contact, ContactProblem, InputError, Material, Region, S
 from qvi_contact.gallery import compressed_plate, fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment
 from qvi_contact.mesh.curves import fitted
+from qvi_contact.mesh.selection import crossing
 from tests.qvi_contact.builders import area, half_disc, quarter
 from tests.qvi_contact.test_triangles import oblique, turned
 
@@ -80,9 +81,9 @@ class TestRefusals:
         assert "\n" not in str(caught.value)
 
     @pytest.mark.parametrize("is_curved", [True, False])
-    @pytest.mark.parametrize("gap", [1e-9, 1e-5, 0.1, -0.1])
+    @pytest.mark.parametrize("gap", [1e-9, 1e-5, 0.1, -0.1, -0.3])
     def test_a_strip_that_winds_around_itself(self, gap, is_curved):
-        """Along spirals r = a + (w + gap) θ/2π, whose chords cross in thin gaps, by up to 4e-3 of their radius."""
+        """Along spirals r = a + (w + gap) θ/2π: chords cross in thin gaps, circles (gap −w) lie on each other."""
 
         def spiral(a):
             return lambda t: (a + (0.3 + gap) * t / (2 * np.pi))[:, None] * np.column_stack([np.cos(t), np.sin(t)])
@@ -91,9 +92,18 @@ class TestRefusals:
         vertices = np.concatenate([spiral(a)(angles) for a in (1.0, 1.3)])
         cells = np.concatenate([np.append(edges, edges[:, :1] + 38, 1), np.append(edges + 38, edges[:, 1:], 1)])
         arcs = [fitted("curve", spiral(1.0 + 0.3 * k), 0.0, angles[-1], edges + 38 * k, vertices) for k in (0, 1)]
-        is_flat = gap > (0.0 if is_curved else 0.05)
-        with nullcontext() if is_flat else pytest.raises(InputError, match="overlaps itself"):
+        is_flat, told = gap > (0.0 if is_curved else 0.05), "inside the" if is_curved and gap == -0.3 else "overlaps"
+        with nullcontext() if is_flat else pytest.raises(InputError, match=told):
             TriangleMesh(vertices, cells, {}, {}, arcs if is_curved else [])
+
+    @pytest.mark.parametrize("depth", [1e-9, 1e-4, 0.1, -1e-9, -1e-4, -0.1])
+    @pytest.mark.parametrize("half_turn", [0.0, np.arcsin(0.95 / 2.0)])
+    def test_circles_that_are_nearer_than_their_radii_cross(self, depth, half_turn):
+        """A circle of radius 1, and above it one of radius 2 or a line; turned, far from the origin."""
+        above = 1.0 - depth + (2.0 - 2.0 * np.cos(half_turn))
+        ends = [[(np.sin(0.6), np.cos(0.6)), (-np.sin(0.6), np.cos(0.6))], [(-0.95, above), (0.95, above)]]
+        ends = np.add(turned(ends, 37.0), (30.0, -20.0))
+        assert len(crossing(ends, np.array([0.6, half_turn]))) == (depth > 0.0)
 
     @staticmethod
     def two(vertices, cells, moved):
