@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import qr
 from scipy.sparse import linalg
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
@@ -40,7 +41,8 @@ _ROOMY: Final = 1e-3  # margin of the inner point above which all rows have room
 _ENOUGH: Final = 1e-3  # margin of the least solution of the equations from which it serves as inner point
 _AROUND: Final = 4  # directions around a cone, whose planes find cones that are at their tip at all points
 _TIP: Final = 1e-3  # of the size: a cone with a smaller t may be at its tip
-_ASIDE: Final = 0.1  # largest angle between u and a ray that may be all that a cone has room for
+_SLACK: Final = 1e-4  # of the size: a plane with a larger s at a point that breaks rows by 1e-8 at most is no equation
+_DEPENDENT: Final = 1e-11  # part of an equation that others lack, relative: they differ by 1e-4 or more, or by rounding
 _LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
 _SMALL: Final = 1e-5  # price of t relative to room: without it, inner flows dissipate more for no more room
 _NEAR: Final = 1e-3  # largest margin of the inner point of flows
@@ -198,7 +200,7 @@ class ConicProgram:
         around = np.concatenate([circle, *[around, -around] * (self.width > 3)])
         planes = np.concatenate([directions, np.broadcast_to(around, (len(directions), *around.shape))], axis=1)
         program = self
-        while not deadline.over:
+        while abs(program.room[1]) <= _ROOMY and not deadline.over:  # else all rows have room, or no point keeps them
             equal_rows, equal_planes = program._made_equal(planes)
             if not (equal_rows.any() or equal_planes.any()):
                 break
@@ -209,17 +211,17 @@ class ConicProgram:
         """Which inequalities (linear,), and planes t ≥ û·u (blocks, k), are equations at all points.
 
         The points times all τ ≥ 1 are those of s = b τ − A x. So the linear program max Σ m, 0 ≤ m ≤ 1, s ≥ m of all
-        inequalities and planes has an answer whose m are 0 or 1. A tolerance decides only which rows are zero. The
-        planes are those near (t, u) at a point far inside the other cones: the nearest, or all where t is small.
+        inequalities and planes has an answer whose m are 0 or 1. A tolerance decides only which rows are zero.
+
+        Rows that are equations have multipliers λ > 0 with Σ λ s = 0 at all x. So a plane far from 0 at the point x
+        that is farthest inside all cones is none of them. Of the others, the nearest is taken, or all where t is small.
         """
-        first, (x, room) = self.equal + self.linear, self.room
-        if not abs(room) <= _ROOMY:  # all rows have room, or no point keeps them
-            return np.zeros(self.linear, dtype=bool), np.zeros(planes.shape[:2], dtype=bool)
+        first, x = self.equal + self.linear, self.room[0]
         rows, of_rows, of_cones = self._homogeneous
         t, u = np.split(self.blocks(x), [1], axis=1)
-        apart, is_small = np.linalg.norm(u[:, None] - t[..., None] * planes, axis=2), t <= _TIP * self.size(x)
-        is_near = (apart <= _ASIDE * t) & (apart <= apart.min(axis=1, keepdims=True))
-        block, plane = np.nonzero((is_small | is_near) & (of_cones > _ROUNDED * of_rows.max(initial=0.0))[:, None])
+        slack, size = t - np.einsum("bc,bkc->bk", u, planes), self.size(x)
+        is_tried = ((t <= _TIP * size) | (slack <= slack.min(axis=1, keepdims=True))) & (slack <= _SLACK * size)
+        block, plane = np.nonzero(is_tried & (of_cones > _ROUNDED * of_rows.max(initial=0.0))[:, None])
         heads = first + self.width * block
         units = enumerate(planes[block, plane].T, 1)
         tangents: list[Any] = [sparse.diags_array(unit) @ rows[heads + c] for c, unit in units]
@@ -231,13 +233,12 @@ class ConicProgram:
         n, count = G.shape[1], int(np.count_nonzero(used))
         G = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ G[used])
         E = sparse.diags_array(1.0 / np.where(of_rows > 0.0, of_rows, 1.0)[: self.equal]) @ rows[: self.equal]
-        program: dict[str, Any] = {"A_ub": sparse.csc_array(sparse.hstack([-G, sparse.eye_array(count)]))}
-        program["b_ub"] = np.zeros(count)
-        if self.equal:
-            program["A_eq"] = sparse.csc_array(sparse.hstack([E, sparse.csc_array((self.equal, count))]))
-            program["b_eq"] = np.zeros(self.equal)
+        inequalities = sparse.csc_array(sparse.hstack([-G, sparse.eye_array(count)]))
+        equations = sparse.csc_array(sparse.hstack([E, sparse.csc_array((self.equal, count))]))
         bounds = [*[(None, None)] * (n - 1), (1.0, None), *[(0.0, 1.0)] * count]
-        answer = solved(np.append(np.zeros(n), -np.ones(count)), bounds=bounds, **program)
+        right_sides = {"b_ub": np.zeros(count), "b_eq": np.zeros(self.equal)}
+        cost = np.repeat([0.0, -1.0], [n, count])
+        answer = solved(cost, bounds=bounds, A_ub=inequalities, A_eq=equations, **right_sides)
         is_equal[used] = answer.x[n:] < 0.5 if answer.solved else False
         equal_planes = np.zeros(planes.shape[:2], dtype=bool)
         equal_planes[block, plane] = is_equal[self.linear :]
@@ -260,12 +261,17 @@ class ConicProgram:
         _, _, of_cones = self._homogeneous
         own = [of_cones[ray].repeat(self.width - 1), of_cones[is_tip].repeat(self.width), np.zeros(len(made_equal))]
         used = linalg.norm(new @ self._units, axis=1) > HELD * np.concatenate(own)
-        new = sparse.csr_array(sparse.diags_array(1.0 / linalg.norm(new[used], axis=1)) @ new[used])
+        scaled = sparse.diags_array(1.0 / linalg.norm(new[used], axis=1)) @ new[used]
+        equations = sparse.csr_array(sparse.vstack([rows[: self.equal], scaled]))
+        if not self.dependent:  # solvers lose programs whose equations contradict each other by rounding
+            columns = (equations @ self._units).toarray().T
+            R, order = qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), mode="r", pivoting=True)
+            equations = equations[order[: np.count_nonzero(np.abs(R.diagonal()) > _DEPENDENT)]]
         kept = np.ones(len(self.b))
         kept[np.concatenate([u_rows[ray].ravel(), tips.ravel(), made_equal])] = 0.0
         others = sparse.csr_array(sparse.diags_array(kept) @ rows)[self.equal :]
-        rows = sparse.csr_array(sparse.vstack([rows[: self.equal], new, others]))
-        return replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(used.sum()))
+        rows = sparse.csr_array(sparse.vstack([equations, others]))
+        return replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=equations.shape[0])
 
     def _extended(self, q: FloatArray, rows: Any, limits: FloatArray, *columns: sparse.csr_array) -> ConicProgram:
         """The program with more columns, then with more inequalities."""
