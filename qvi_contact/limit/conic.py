@@ -38,9 +38,6 @@ HELD: Final = 1e-7  # largest violation, relative to the size, that counts as ro
 ROUNDING: Final = 1e-11  # violation, relative to the size, that is not worth a second program
 _ROOM: Final = 1e-9  # margin of the inner point up to which a row has no room
 _ROOMY: Final = 1e-3  # margin of the inner point above which all rows have room; below −1e-3 no point keeps them
-_ENOUGH: Final = 1e-3  # margin of the least solution of the equations from which it serves as inner point
-_AROUND: Final = 4  # directions around a cone, whose planes find cones that are at their tip at all points
-_TIP: Final = 1e-3  # of the size: a cone with a smaller t may be at its tip
 _SLACK: Final = 1e-4  # of the size: a plane with a larger s at a point that breaks rows by 1e-8 at most is no equation
 _DEPENDENT: Final = 1e-11  # part of an equation that others lack, relative: they differ by 1e-4 or more, or by rounding
 _LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
@@ -193,12 +190,10 @@ class ConicProgram:
 
         A plane t ≥ û·u that holds with equality at all points leaves the ray u = t û of its cone, and two such planes
         leave the tip t = u = 0. New equations state that, and may make further planes equal. The û are `directions`
-        (blocks, k, width − 1) and some around them. Up to rounding, every point of the new program is one of the old.
+        (blocks, k, width − 1) and the axes. Up to rounding, every point of the new program is one of the old.
         """
-        angles, around = 2.0 * np.pi * (np.arange(_AROUND) + 0.5) / _AROUND, np.eye(self.width)[-1:, 1:]
-        circle = np.column_stack([np.cos(angles), np.sin(angles), *[0.0 * angles] * (self.width - 3)])
-        around = np.concatenate([circle, *[around, -around] * (self.width > 3)])
-        planes = np.concatenate([directions, np.broadcast_to(around, (len(directions), *around.shape))], axis=1)
+        axes = np.concatenate([np.eye(self.width - 1), -np.eye(self.width - 1)])
+        planes = np.concatenate([directions, np.broadcast_to(axes, (len(directions), *axes.shape))], axis=1)
         program = self
         while abs(program.room[1]) <= _ROOMY and not deadline.over:  # else all rows have room, or no point keeps them
             equal_rows, equal_planes = program._made_equal(planes)
@@ -212,15 +207,14 @@ class ConicProgram:
 
         The points times all τ ≥ 1 are those of s = b τ − A x. So the linear program max Σ m, 0 ≤ m ≤ 1, s ≥ m of all
         inequalities and planes has an answer whose m are 0 or 1. A tolerance decides only which rows are zero.
-
-        Rows that are equations have multipliers λ > 0 with Σ λ s = 0 at all x. So a plane far from 0 at the point x
-        that is farthest inside all cones is none of them. Of the others, the nearest is taken, or all where t is small.
+        Equations have λ > 0 with Σ λ s = 0 at all points. So a plane far from 0 at the point farthest inside all cones
+        is none of them. Of the others, the nearest is tried, or all where t is small.
         """
         first, x = self.equal + self.linear, self.room[0]
         rows, of_rows, of_cones = self._homogeneous
         t, u = np.split(self.blocks(x), [1], axis=1)
-        slack, size = t - np.einsum("bc,bkc->bk", u, planes), self.size(x)
-        is_tried = ((t <= _TIP * size) | (slack <= slack.min(axis=1, keepdims=True))) & (slack <= _SLACK * size)
+        slack, small = t - np.einsum("bc,bkc->bk", u, planes), _SLACK * self.size(x)
+        is_tried = ((t <= small) | (slack <= slack.min(axis=1, keepdims=True))) & (slack <= small)
         block, plane = np.nonzero(is_tried & (of_cones > _ROUNDED * of_rows.max(initial=0.0))[:, None])
         heads = first + self.width * block
         units = enumerate(planes[block, plane].T, 1)
@@ -233,12 +227,11 @@ class ConicProgram:
         n, count = G.shape[1], int(np.count_nonzero(used))
         G = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ G[used])
         E = sparse.diags_array(1.0 / np.where(of_rows > 0.0, of_rows, 1.0)[: self.equal]) @ rows[: self.equal]
-        inequalities = sparse.csc_array(sparse.hstack([-G, sparse.eye_array(count)]))
+        above = sparse.csc_array(sparse.hstack([-G, sparse.eye_array(count)]))
         equations = sparse.csc_array(sparse.hstack([E, sparse.csc_array((self.equal, count))]))
         bounds = [*[(None, None)] * (n - 1), (1.0, None), *[(0.0, 1.0)] * count]
-        right_sides = {"b_ub": np.zeros(count), "b_eq": np.zeros(self.equal)}
-        cost = np.repeat([0.0, -1.0], [n, count])
-        answer = solved(cost, bounds=bounds, A_ub=inequalities, A_eq=equations, **right_sides)
+        cost, zeros = np.repeat([0.0, -1.0], [n, count]), np.zeros(self.equal)
+        answer = solved(cost, bounds=bounds, A_ub=above, b_ub=np.zeros(count), A_eq=equations, b_eq=zeros)
         is_equal[used] = answer.x[n:] < 0.5 if answer.solved else False
         equal_planes = np.zeros(planes.shape[:2], dtype=bool)
         equal_planes[block, plane] = is_equal[self.linear :]
@@ -248,8 +241,7 @@ class ConicProgram:
         """The program with inequalities and planes made equations; rows of the cones that these replace become zero."""
         first, blocks = self.equal + self.linear, len(planes)
         unit = planes[np.arange(blocks), equal_planes.argmax(axis=1)]
-        apart = np.linalg.norm(planes - unit[:, None], axis=2) > HELD
-        is_tip = (equal_planes & apart).any(axis=1)
+        is_tip = (equal_planes & (np.linalg.norm(planes - unit[:, None], axis=2) > HELD)).any(axis=1)
         ray, heads = equal_planes.any(axis=1) & ~is_tip, first + self.width * np.arange(blocks)[:, None]
         # new equations u − t û = 0, t = u = 0, and equal inequalities, scaled; the rows they replace become zero
         u_rows, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[is_tip]
@@ -354,7 +346,7 @@ class ConicProgram:
         of it. Equations hold up to rounding. A violation is relative to the size of the point, or of x if smaller.
         """
         x, inside = self.projected(x), self.projected(np.zeros_like(x))
-        is_inside, size = self.margins(inside).min(initial=1.0) > _ENOUGH, self.size(x)
+        is_inside, size = self.margins(inside).min(initial=1.0) > _ROOMY, self.size(x)
         large = float(np.abs(self.q) @ np.abs(x)) or 1.0
 
         def violation_of(y: FloatArray) -> float:

@@ -367,7 +367,7 @@ class StressProgram:
                 return found
         if not answers:
             raise failure
-        # stresses within the limits, then a proof on faces that nothing is carried, then other stresses
+        # a proof on faces that nothing is carried counts more than stresses that break limits
         trusted = [one for one in answers if one.violation <= ROUNDING and not one.factor == -np.inf < one.bound]
         return max(trusted or answers, key=lambda one: one.factor)
 

@@ -156,8 +156,6 @@ def test_a_rough_base_or_the_block_gives_way(mu, c):
     exact = min(2.0 * mu, c)
     assert limit.lower == pytest.approx(exact, rel=1e-5)
     assert limit.lower <= limit.upper == pytest.approx(exact, rel=1e-4)
-    assert limit.collapse.gap.min() >= 0.0
-    assert limit.collapse.gap.sum() >= limit.upper - limit.lower - 1e-6  # rigid blocks may be nearer
 
 
 def test_a_bilateral_base_has_friction_under_tension_too():
@@ -204,8 +202,7 @@ def test_faces_of_small_and_large_triangles_keep_what_cones_keep(monkeypatch):
     full = ConicProgram.of(-y.sum(axis=0), none, limits, [(-rows, np.zeros(2)) for rows in (t, x, y)])
     faces = full.on_faces(np.full((2, 1, 2), [1.0, 0.0]))
     assert full.margins(faces.solve().x).min() > -1e-9
-    equations = faces.A[: faces.equal].toarray()
-    assert np.linalg.matrix_rank(equations) == len(equations) == 4
+    assert np.linalg.matrix_rank(faces.A[: faces.equal].toarray()) == faces.equal == 4
     for wrong in (Mock(side_effect=SolveError("not solved")), lambda full, _: replace(full, b=2.0 * full.b)):
         monkeypatch.setattr(ConicProgram, "on_faces", wrong)  # none, or those of a body that is twice as strong
         assert limit_load_factor(stretched(NoTension(1.0), top=-1.0), ["top"], degree=3).lower == pytest.approx(1.0)
