@@ -214,8 +214,7 @@ class ConicProgram:
         rows, of_rows, of_cones = self._homogeneous
         t, u = np.split(self.blocks(x), [1], axis=1)
         slack, small = t - np.einsum("bc,bkc->bk", u, planes), _SLACK * self.size(x)
-        is_nearest = np.arange(planes.shape[1]) == slack.argmin(axis=1)[:, None]
-        is_tried = ((t <= small) | is_nearest) & (slack <= small)
+        is_tried = (slack <= small) & ((t <= small) | (np.arange(planes.shape[1]) == slack.argmin(axis=1)[:, None]))
         block, plane = np.nonzero(is_tried & (of_cones > _ROUNDED * of_rows.max(initial=0.0))[:, None])
         heads = first + self.width * block
         units = enumerate(planes[block, plane].T, 1)
