@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import qr
 from scipy.sparse import linalg
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
@@ -37,10 +38,8 @@ HELD: Final = 1e-7  # largest violation, relative to the size, that counts as ro
 ROUNDING: Final = 1e-11  # violation, relative to the size, that is not worth a second program
 _ROOM: Final = 1e-9  # margin of the inner point up to which a row has no room
 _ROOMY: Final = 1e-3  # margin of the inner point above which all rows have room; below −1e-3 no point keeps them
-_ENOUGH: Final = 1e-3  # margin of the least solution of the equations from which it serves as inner point
-_AROUND: Final = 4  # directions around a cone, whose planes find cones that are at their tip at all points
-_TIP: Final = 1e-3  # of the size: a cone with a smaller t may be at its tip
-_ASIDE: Final = 0.1  # largest angle between u and a ray that may be all that a cone has room for
+_SLACK: Final = 1e-4  # of the size: a plane with a larger s at a point that breaks rows by 1e-8 at most is no equation
+_DEPENDENT: Final = 1e-11  # part of an equation that others lack, relative: they differ by 1e-4 or more, or by rounding
 _LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
 _SMALL: Final = 1e-5  # price of t relative to room: without it, inner flows dissipate more for no more room
 _NEAR: Final = 1e-3  # largest margin of the inner point of flows
@@ -191,14 +190,12 @@ class ConicProgram:
 
         A plane t ≥ û·u that holds with equality at all points leaves the ray u = t û of its cone, and two such planes
         leave the tip t = u = 0. New equations state that, and may make further planes equal. The û are `directions`
-        (blocks, k, width − 1) and some around them. Up to rounding, every point of the new program is one of the old.
+        (blocks, k, width − 1) and the axes. Up to rounding, every point of the new program is one of the old.
         """
-        angles, around = 2.0 * np.pi * (np.arange(_AROUND) + 0.5) / _AROUND, np.eye(self.width)[-1:, 1:]
-        circle = np.column_stack([np.cos(angles), np.sin(angles), *[0.0 * angles] * (self.width - 3)])
-        around = np.concatenate([circle, *[around, -around] * (self.width > 3)])
-        planes = np.concatenate([directions, np.broadcast_to(around, (len(directions), *around.shape))], axis=1)
+        axes = np.concatenate([np.eye(self.width - 1), -np.eye(self.width - 1)])
+        planes = np.concatenate([directions, np.broadcast_to(axes, (len(directions), *axes.shape))], axis=1)
         program = self
-        while not deadline.over:
+        while abs(program.room[1]) <= _ROOMY and not deadline.over:  # else all rows have room, or no point keeps them
             equal_rows, equal_planes = program._made_equal(planes)
             if not (equal_rows.any() or equal_planes.any()):
                 break
@@ -209,17 +206,16 @@ class ConicProgram:
         """Which inequalities (linear,), and planes t ≥ û·u (blocks, k), are equations at all points.
 
         The points times all τ ≥ 1 are those of s = b τ − A x. So the linear program max Σ m, 0 ≤ m ≤ 1, s ≥ m of all
-        inequalities and planes has an answer whose m are 0 or 1. A tolerance decides only which rows are zero. The
-        planes are those near (t, u) at a point far inside the other cones: the nearest, or all where t is small.
+        inequalities and planes has an answer whose m are 0 or 1. A tolerance decides only which rows are zero.
+        Equations have λ > 0 with Σ λ s = 0 at all points. So a plane far from 0 at the point farthest inside all cones
+        is none of them. Of the others, the nearest is tried, or all where t is small.
         """
-        first, (x, room) = self.equal + self.linear, self.room
-        if not abs(room) <= _ROOMY:  # all rows have room, or no point keeps them
-            return np.zeros(self.linear, dtype=bool), np.zeros(planes.shape[:2], dtype=bool)
+        first, x = self.equal + self.linear, self.room[0]
         rows, of_rows, of_cones = self._homogeneous
         t, u = np.split(self.blocks(x), [1], axis=1)
-        apart, is_small = np.linalg.norm(u[:, None] - t[..., None] * planes, axis=2), t <= _TIP * self.size(x)
-        is_near = (apart <= _ASIDE * t) & (apart <= apart.min(axis=1, keepdims=True))
-        block, plane = np.nonzero((is_small | is_near) & (of_cones > _ROUNDED * of_rows.max(initial=0.0))[:, None])
+        slack, small = t - np.einsum("bc,bkc->bk", u, planes), _SLACK * self.size(x)
+        is_tried = (slack <= small) & ((t <= small) | (np.arange(planes.shape[1]) == slack.argmin(axis=1)[:, None]))
+        block, plane = np.nonzero(is_tried & (of_cones > _ROUNDED * of_rows.max(initial=0.0))[:, None])
         heads = first + self.width * block
         units = enumerate(planes[block, plane].T, 1)
         tangents: list[Any] = [sparse.diags_array(unit) @ rows[heads + c] for c, unit in units]
@@ -231,13 +227,11 @@ class ConicProgram:
         n, count = G.shape[1], int(np.count_nonzero(used))
         G = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ G[used])
         E = sparse.diags_array(1.0 / np.where(of_rows > 0.0, of_rows, 1.0)[: self.equal]) @ rows[: self.equal]
-        program: dict[str, Any] = {"A_ub": sparse.csc_array(sparse.hstack([-G, sparse.eye_array(count)]))}
-        program["b_ub"] = np.zeros(count)
-        if self.equal:
-            program["A_eq"] = sparse.csc_array(sparse.hstack([E, sparse.csc_array((self.equal, count))]))
-            program["b_eq"] = np.zeros(self.equal)
+        above = sparse.csc_array(sparse.hstack([-G, sparse.eye_array(count)]))
+        equations = sparse.csc_array(sparse.hstack([E, sparse.csc_array((self.equal, count))]))
         bounds = [*[(None, None)] * (n - 1), (1.0, None), *[(0.0, 1.0)] * count]
-        answer = solved(np.append(np.zeros(n), -np.ones(count)), bounds=bounds, **program)
+        cost, zeros = np.repeat([0.0, -1.0], [n, count]), np.zeros(self.equal)
+        answer = solved(cost, bounds=bounds, A_ub=above, b_ub=np.zeros(count), A_eq=equations, b_eq=zeros)
         is_equal[used] = answer.x[n:] < 0.5 if answer.solved else False
         equal_planes = np.zeros(planes.shape[:2], dtype=bool)
         equal_planes[block, plane] = is_equal[self.linear :]
@@ -247,8 +241,7 @@ class ConicProgram:
         """The program with inequalities and planes made equations; rows of the cones that these replace become zero."""
         first, blocks = self.equal + self.linear, len(planes)
         unit = planes[np.arange(blocks), equal_planes.argmax(axis=1)]
-        apart = np.linalg.norm(planes - unit[:, None], axis=2) > HELD
-        is_tip = (equal_planes & apart).any(axis=1)
+        is_tip = (equal_planes & (np.linalg.norm(planes - unit[:, None], axis=2) > HELD)).any(axis=1)
         ray, heads = equal_planes.any(axis=1) & ~is_tip, first + self.width * np.arange(blocks)[:, None]
         # new equations u − t û = 0, t = u = 0, and equal inequalities, scaled; the rows they replace become zero
         u_rows, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[is_tip]
@@ -260,12 +253,17 @@ class ConicProgram:
         _, _, of_cones = self._homogeneous
         own = [of_cones[ray].repeat(self.width - 1), of_cones[is_tip].repeat(self.width), np.zeros(len(made_equal))]
         used = linalg.norm(new @ self._units, axis=1) > HELD * np.concatenate(own)
-        new = sparse.csr_array(sparse.diags_array(1.0 / linalg.norm(new[used], axis=1)) @ new[used])
+        scaled = sparse.diags_array(1.0 / linalg.norm(new[used], axis=1)) @ new[used]
+        equations = sparse.csr_array(sparse.vstack([rows[: self.equal], scaled]))
+        if not self.dependent:  # solvers lose programs whose equations contradict each other by rounding
+            columns = (equations @ self._units).toarray().T
+            R, order = qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), mode="r", pivoting=True)
+            equations = equations[order[: np.count_nonzero(np.abs(R.diagonal()) > _DEPENDENT)]]
         kept = np.ones(len(self.b))
         kept[np.concatenate([u_rows[ray].ravel(), tips.ravel(), made_equal])] = 0.0
         others = sparse.csr_array(sparse.diags_array(kept) @ rows)[self.equal :]
-        rows = sparse.csr_array(sparse.vstack([rows[: self.equal], new, others]))
-        return replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(used.sum()))
+        rows = sparse.csr_array(sparse.vstack([equations, others]))
+        return replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=equations.shape[0])
 
     def _extended(self, q: FloatArray, rows: Any, limits: FloatArray, *columns: sparse.csr_array) -> ConicProgram:
         """The program with more columns, then with more inequalities."""
@@ -348,7 +346,7 @@ class ConicProgram:
         of it. Equations hold up to rounding. A violation is relative to the size of the point, or of x if smaller.
         """
         x, inside = self.projected(x), self.projected(np.zeros_like(x))
-        is_inside, size = self.margins(inside).min(initial=1.0) > _ENOUGH, self.size(x)
+        is_inside, size = self.margins(inside).min(initial=1.0) > _ROOMY, self.size(x)
         large = float(np.abs(self.q) @ np.abs(x)) or 1.0
 
         def violation_of(y: FloatArray) -> float:

@@ -346,8 +346,7 @@ class StressProgram:
         answers, failure = list[Carried](), SolveError(_AT_LIMIT)
         with suppress(SolveError):
             known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
-        has_tips = not self.cones.limit.all()
-        for on_faces in (True, False) if has_tips else (False, True):
+        for on_faces in (False, True) if self.cones.limit.all() else (True, False):
             try:
                 program = full.on_faces(self.cones.rays) if on_faces else full
                 if program is None:
@@ -368,7 +367,9 @@ class StressProgram:
                 return found
         if not answers:
             raise failure
-        return max(answers, key=lambda one: (one.violation <= ROUNDING and one.factor > -np.inf, one.factor))
+        # a proof on faces that nothing is carried counts more than stresses that break limits
+        trusted = [one for one in answers if one.violation <= ROUNDING and not one.factor == -np.inf < one.bound]
+        return max(trusted or answers, key=lambda one: one.factor)
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
         """The first answer within the limits up to rounding: the known point, or the solver's; else the best answer."""

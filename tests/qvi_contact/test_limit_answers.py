@@ -202,8 +202,6 @@ def test_only_at_the_toe():
     assert (1.0 - TARGET) * 6.25 <= found.limit.lower <= found.limit.upper == pytest.approx(6.25, rel=1e-9)
     assert (found.value, found.unit) == (found.limit.lower, found.limit.upper)
     assert found.estimate == pytest.approx(max(1.0 - found.limit.lower / found.limit.upper, 0.0), abs=1e-12)
-    assert found.indicator.sum() == pytest.approx(found.estimate)
-    assert found.rounds[-1].unknowns <= 1500
     estimates = [each.estimate for each in found.rounds]
     assert all(second < 0.3 * first for first, second in pairwise(estimates))
     corners = found.problem.mesh.vertices[found.problem.mesh.cells]

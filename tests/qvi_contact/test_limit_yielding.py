@@ -156,8 +156,6 @@ def test_a_rough_base_or_the_block_gives_way(mu, c):
     exact = min(2.0 * mu, c)
     assert limit.lower == pytest.approx(exact, rel=1e-5)
     assert limit.lower <= limit.upper == pytest.approx(exact, rel=1e-4)
-    assert limit.collapse.gap.min() >= 0.0
-    assert limit.collapse.gap.sum() >= limit.upper - limit.lower - 1e-6  # rigid blocks may be nearer
 
 
 def test_a_bilateral_base_has_friction_under_tension_too():
@@ -195,7 +193,6 @@ def test_what_has_no_tension_has_no_scale():
         found.append(limit_load_factor(ContactProblem(mesh, material, conditions), ["push"], degree=3))
     assert [each.lower for each in found] / sizes == pytest.approx(0.1455918, rel=1e-5)
     assert [each.upper for each in found] / sizes == pytest.approx(2.116995, rel=1e-5)
-    assert [each.collapse.gap.sum() for each in found] == pytest.approx([each.upper - each.lower for each in found])
 
 
 def test_faces_of_small_and_large_triangles_keep_what_cones_keep(monkeypatch):
@@ -205,8 +202,10 @@ def test_faces_of_small_and_large_triangles_keep_what_cones_keep(monkeypatch):
     full = ConicProgram.of(-y.sum(axis=0), none, limits, [(-rows, np.zeros(2)) for rows in (t, x, y)])
     faces = full.on_faces(np.full((2, 1, 2), [1.0, 0.0]))
     assert full.margins(faces.solve().x).min() > -1e-9
-    monkeypatch.setattr(ConicProgram, "on_faces", Mock(side_effect=SolveError("not solved")))
-    assert limit_load_factor(stretched(NoTension(1.0), top=-1.0), ["top"], degree=3).lower == pytest.approx(1.0)
+    assert np.linalg.matrix_rank(faces.A[: faces.equal].toarray()) == faces.equal == 4
+    for wrong in (Mock(side_effect=SolveError("not solved")), lambda full, _: replace(full, b=2.0 * full.b)):
+        monkeypatch.setattr(ConicProgram, "on_faces", wrong)  # none, or those of a body that is twice as strong
+        assert limit_load_factor(stretched(NoTension(1.0), top=-1.0), ["top"], degree=3).lower == pytest.approx(1.0)
 
 
 def test_an_upper_side_that_no_flow_gives_is_missing_not_infinite():
@@ -215,9 +214,12 @@ def test_an_upper_side_that_no_flow_gives_is_missing_not_infinite():
     wall = Contact("left", 0.0, name="wall", plate=RigidPlate(force_x=1.0, y=0.0, rotation=0.0))
     soil = Material(1.0, 0.3, "strain", MohrCoulomb(0.2, np.pi / 6))
     mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
-    limit = limit_load_factor(ContactProblem(mesh, soil, [*held, wall], lambda _, y: y), ["wall"])
-    assert limit == pytest.approx(1.5 + 0.4 * np.sqrt(3.0), rel=1e-4)  # how near hangs on the kernel of BLAS
-    assert (limit.upper == np.inf) == bool(limit.missing)
+    slips, exact = Contact("bottom", np.tan(np.pi / 6), cohesion=0.2), 1.5 + 0.4 * np.sqrt(3.0)
+    for base in (held[0], slips):  # with a base on which it slips there is an upper side
+        limit = limit_load_factor(ContactProblem(mesh, soil, [base, *held[1:], wall], lambda _, y: y), ["wall"])
+        assert limit == pytest.approx(exact, rel=1e-4)  # how near hangs on the kernel of BLAS
+        assert (limit.upper == np.inf) == bool(limit.missing)
+    assert exact <= limit.upper < 1.15 * exact
 
 
 def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
