@@ -14,8 +14,7 @@ from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import Rigid
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import energies_between, places
-from qvi_contact.solution import turning_senses
-from qvi_contact.solution.stress import rest_on_arcs
+from qvi_contact.solution import rest_on_arcs, turning_senses
 from tests.qvi_contact.builders import INNER, NU, OUTER, WIDENED, A, polygon, quarter
 
 FREE = [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]

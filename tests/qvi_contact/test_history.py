@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import Expression, InputError, TriangleMesh, solve, solve_history
-from qvi_contact.files import OWN, write_archive
-from qvi_contact.files.archive import STORE
+from qvi_contact.files import OWN, STORE, write_archive
 from qvi_contact.plots import history_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
 from qvi_contact.solution import loop_area

@@ -8,7 +8,7 @@ import pytest
 from qvi_contact import InputError, TriangleMesh
 from qvi_contact.gallery import arc, fan
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
-from qvi_contact.solution.contact_line import enclosed_beyond
+from qvi_contact.solution import enclosed_beyond
 from tests.qvi_contact.builders import difference, solved, with_line
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)

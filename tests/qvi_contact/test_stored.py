@@ -16,7 +16,7 @@ from qvi_contact.files import FORMAT_VERSION, Archive, digest, load_result
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Region, RigidPlate, Symmetry, Traction
-from qvi_contact.solution.result import ContactResult, Energies
+from qvi_contact.solution import ContactResult, Energies
 from qvi_contact.units import Units
 from qvi_contact.verification import verify_file
 from solvers import Certificate, Status, certify

@@ -9,8 +9,7 @@ import pytest
 
 from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
 from qvi_contact.gallery import compressed_plate, fan
-from qvi_contact.mesh import TriangleMesh, edges_on_segment
-from qvi_contact.mesh.curves import fitted
+from qvi_contact.mesh import TriangleMesh, edges_on_segment, fitted
 from qvi_contact.mesh.selection import crossing
 from tests.qvi_contact.builders import area, half_disc, quarter
 from tests.qvi_contact.test_triangles import oblique, turned

@@ -9,7 +9,7 @@ from qvi_contact import Contact, ContactProblem, Displacement, Material, RigidPl
 from qvi_contact.bracket import Bracket, bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution import ContactResult
 from tests.cases import thinned
 from tests.qvi_contact.builders import with_line
 
