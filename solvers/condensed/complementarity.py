@@ -24,7 +24,7 @@ from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate.certificate import body_scales
 from solvers.condensed.systems import SLOTS, USUAL_PATHS, Coordinates, Expansion, NewtonSystem, PathWeights
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import Rows, basis, dense, largest, scaled, stored
+from solvers.inequality.rows import LEAST_PIVOT, Rows, basis, dense, largest, scaled, stored
 
 _EPSILON = float(np.finfo(np.float64).eps)
 _ROUNDINGS = 16.0  # a residual up to this many ε times the terms of its sum is rounding
@@ -307,9 +307,6 @@ def _above_rounding(values: Vector, rounding: Vector) -> Vector:
     return np.where(np.abs(values) > rounding, values, 0.0)
 
 
-_LEAST_PIVOT = 1e-10  # pivots of QR of the rows of A, scaled to length one, below which rows are linearly dependent
-
-
 class Equations:
     """Equations between trace coordinates, solved for some of them: y = y₀ + M u.
 
@@ -351,7 +348,7 @@ class Equations:
             self._scale: Vector = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
             factors: Any = qr(self._scale[:, None] * self._A[:, unknown], mode="economic", pivoting=True)
             Q, R, order = factors
-            rank = int((np.abs(R.diagonal()) > _LEAST_PIVOT).sum())
+            rank = int((np.abs(R.diagonal()) > LEAST_PIVOT).sum())
         self._Q, self._R = Q[:, :rank], R[:rank, :rank]
         self._pivots, free = unknown[order[:rank]], unknown[order[rank:]]
         self.free: IntVector = np.sort(free)

@@ -241,17 +241,16 @@ class InteriorPoint:
         return float(np.minimum.reduce(products / (max(tau, _TINY) * self.omega), initial=np.inf))
 
 
-# Newton steps.
-#
-# The elimination of λ adds W λ/s times the square of a row to S. When s is tiny, these terms swamp S in all directions
-# in which several rows act together, and the multipliers lose as many digits as the gap gains. So the force f = Σ ± dλ
-# of the bounds of each traction t = T y is an unknown beside y. With D = Σ λ/s and e = Σ ± mu λ/s over the bounds of
-# the traction (`Complementarity.blocks`), ± the sign of a bound, and r the residual of the slacks,
+# Newton steps: the elimination of λ adds W λ/s times the square of a row to S. When s is tiny, these terms swamp S in
+# all directions in which several rows act together, and the multipliers lose as many digits as the gap gains. So the
+# force f = Σ ± dλ of the bounds of each traction t = T y is an unknown beside y. With D = Σ λ/s and e = Σ ± mu λ/s over
+# the bounds of the traction (`Complementarity.blocks`), ± the sign of a bound, and r the residual of the slacks,
 #
 #     S dy + TᵀW f = −force,    f/D − (T + e/D N) dy = Σ ± (comp + λ r)/s / D.
 #
-# Only the matrix that is factorised has min(D, D_max) in place of D, and e in proportion, with W D_max |T|² = 1e8. It
-# keeps half of the digits of S, and each refinement of (dy, f) gains as many.
+# Only the matrix that is factorised has min(D, D_max) in place of D, and e in proportion, with W D_max |T|² = 1e10. It
+# keeps six digits of S, and each refinement of (dy, f) gains as many. Forces without resultant, TᵀW f = 0, which exist
+# where rows depend on each other, do not converge for D ≫ D_max: residuals of slacks of about s then remain.
 #
 # The changes of tiny slacks are computed from forces, not from differences of the much larger tractions. With
 # a = comp/s, g = −r + the change of the friction bound, ds_j = g_j − ±_j dt and f = Σ ±_i (a_i − λ_i/s_i ds_i) it is
@@ -263,7 +262,7 @@ class InteriorPoint:
 _SIDES = np.array(SLOTS)
 _SAME_SIDE = np.outer(_SIDES, _SIDES)
 _STIFF = 1.0  # W D |T|² above which a traction is stiff: the changes of its slacks are computed from its force
-_STIFFEST = 1e8  # W D_max |T|²
+_STIFFEST = 1e10  # W D_max |T|²
 
 
 class Newton:
@@ -311,7 +310,9 @@ class Newton:
             correction = self.solve(right)
             dy, f = dy + correction, f + df + self.least_D * self._strain(correction)
         ds = self._slacks(dy, f[self.stiff], slack, comp)
-        return dy, ds, (comp - lam * ds) / s
+        dlam = (comp - lam * ds) / s
+        lost = (f - problem.signed @ dlam) / self.D  # digits of f, where the net force of large opposite λ is small
+        return dy, ds, dlam + problem.signs * (lam / s) * lost[problem.traction]
 
     def _strain(self, y: Vector) -> Vector:
         """(T + e/D N) y (t,)."""

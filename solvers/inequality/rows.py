@@ -121,7 +121,7 @@ def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
 # Linearly independent rows of a matrix: by QR with pivoting of the rows scaled to length one if the matrix is small,
 # else by sparse Gaussian elimination.
 
-_LEAST_PIVOT = 1e-10
+LEAST_PIVOT = 1e-10
 """Pivots of QR, over the largest one, below which rows of length one count as linearly dependent."""
 
 _LAST_WEIGHT = 0.9  # weight of the last column in the choice of pivots, 1 of the first
@@ -147,7 +147,7 @@ def basis(Y: Columns | SparseRows) -> Echelon:
     lengths = np.linalg.norm(Y, axis=1)
     scaled = Y / np.where(lengths > 0.0, lengths, 1.0)[:, None]
     pivots, order = _by_qr(scaled.T)
-    rows = np.sort(order[: len(pivots)][pivots > _LEAST_PIVOT * pivots.max(initial=0.0)])
+    rows = np.sort(order[: len(pivots)][pivots > LEAST_PIVOT * pivots.max(initial=0.0)])
     _, columns = _by_qr(scaled[rows])
     return Echelon(rows, np.sort(columns[len(rows) :]))
 
