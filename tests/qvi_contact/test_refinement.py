@@ -223,6 +223,24 @@ def test_forces_between_a_support_and_an_obstacle_that_disagree_are_never_reache
     assert refine(problem, None, 0.1, "yy(1.7, 0.9)").status is RefinementStatus.REACHED
 
 
+def test_what_settles_beside_contradictions_has_a_limit():
+    """Tractions of a half-plane whose side jumps are normal, as −1/r, where it sticks; in a right angle both grow."""
+    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0).with_edges("held", lambda x, y: (x < 1.0) & (y < 1e-6))
+    mesh = mesh.with_edges("base", lambda x, y: (x > 1.0) & (y < 1e-6))
+    plate, top = RigidPlate(x=0.0, y=5e-5, rotation=0.0, pivot=(1.0, 0.0)), Displacement("top", 0.0, -1e-3)
+    flat = [Contact("base", 0.3, plate=plate), Displacement("held", 0.0, 0.0), top, *FREE]
+    upright = [Contact("bottom", 0.1, name="base"), Displacement("left", 0.0, -1e-4), top, FREE[1]]
+    for conditions, corner, settles in ((flat, (1.0, 0.0), True), (upright, (0.0, 0.0), False)):
+        problem = ContactProblem(mesh, Material(2.1e5, 0.3), conditions)
+        for quantity in ("base.tangential_force", "base.moment" if settles else "dissipation"):
+            value, meshes = Measure.of(problem, quantity).value, [mesh.graded([corner], depth) for depth in (7, 11, 15)]
+            values = np.array([value(solve(replace(problem, mesh=each))) for each in meshes])
+            before, change = np.abs(np.diff(values)) / abs(values[-1])
+            assert change < max(0.2 * before, 1e-5) if settles else change > max(0.9 * before, 0.02)
+            outcome = refine(problem, None, 1e-3, quantity, max_rounds=1)
+            assert (outcome.status is RefinementStatus.NO_LIMIT) == (not settles)
+
+
 def test_a_plate_that_a_support_stops_never_comes_to_rest():
     """Exactly it does not move; a computed motion falls by a sixth a round, less than the difference of a reference."""
     sides = [Displacement(side, x=0.0, y=0.0) for side in ("left", "right", "bottom")]
@@ -230,6 +248,13 @@ def test_a_plate_that_a_support_stops_never_comes_to_rest():
     problem = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(2.1e5, 0.3, "strain"), [top, *sides])
     outcome = refine(problem, None, 0.9, "top.y")
     assert (outcome.status, outcome.estimate) == (RefinementStatus.NO_LIMIT, np.inf)
+    below = Traction("bottom", x=0.0, y=5.0)  # the plate's share of stresses far away is small
+    far = refine(replace(problem, conditions=[top, *sides[:2], below]), None, 1e-2, "xx(1, 0.3)")
+    at_rest = replace(top, plate=RigidPlate(x=0.0, y=0.0, rotation=0.0))
+    mesh = problem.mesh.graded([(0.0, 1.0), (2.0, 1.0)], 10)
+    exact = solve(replace(problem, mesh=mesh, conditions=[at_rest, *sides[:2], below])).stress(1.0, 0.3)[0]
+    assert far.status is RefinementStatus.REACHED
+    assert abs(far.value - exact) < far.error
 
 
 def test_errors_of_a_callback_are_the_callers():
