@@ -274,7 +274,7 @@ class TriangleRefinement:
         bisected, once. If that fails, the quantity counts as one without a limit.
         """
         reasons = (*result.discretization.contradictions, *stopped_plates(result))
-        if not reasons or deadline.over or any(np.isfinite(each.reference) for each in earlier):
+        if not reasons or any(np.isfinite(each.reference) for each in earlier):
             return
         values = np.full(len(_DEPTHS), np.nan)
         with suppress(QVIError):
@@ -283,8 +283,8 @@ class TriangleRefinement:
                 values[number] = self._value(answer) if answer.status is Status.SOLVED else np.nan
         before, change = np.abs(np.diff(values))
         settles = change <= _UNSEEN * self.settings.target * unit or change <= _SLOW * before
-        if not (settles or deadline.over):
-            raise StopError(RefinementStatus.NO_LIMIT, reasons[0])
+        if not settles:
+            raise StopError(RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.NO_LIMIT, reasons[0])
 
     def _solved(self, mesh: TriangleMesh, degree: int, most: float) -> ContactResult | History:
         """The result with a degree; `StopError` if it needs more unknowns than `most`."""

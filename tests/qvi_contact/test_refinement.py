@@ -8,7 +8,6 @@ import pytest
 from scipy.optimize import brentq
 
 from qvi_contact import InputError, Polynomial, RefinementStatus, RigidPlate, TriangleMesh, refine, solve
-from qvi_contact.bracket import bracket
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 from qvi_contact.refinement import Measure, bounded, bulk, energies_between, places, reference_problem
@@ -294,14 +293,6 @@ class TestEnds:
         outcome = refine(needles, None, 1e-9, degree=3, method="condensed", tolerance=1e-12)
         assert outcome.result.status is Status.INACCURATE
         assert outcome.status is RefinementStatus.THIN_CELLS
-
-    def test_useless_bounds_are_tried_twice(self, monkeypatch):
-        """A column whose foot slips with so little strain that the norm of friction is 1.9."""
-        monkeypatch.setattr("qvi_contact.bracket.bracket", tried := Mock(wraps=bracket))
-        foot, top = Contact("bottom", 0.2), Displacement("top", x=0.018, y=-0.053)
-        column = ContactProblem(TriangleMesh.rectangle((2, 8), 1.0, 4.0), Material(1.0, 0.3), [foot, top, *FREE])
-        refine(column, None, 1e-9, "bottom.tangential_force", guaranteed=True, max_rounds=4)
-        assert tried.call_count == 2
 
     def test_a_load_that_cannot_be_carried(self):
         sides = [Traction("left", x=0.0, y=-6.0), Traction("right", x=0.0, y=6.0)]
