@@ -368,7 +368,7 @@ def solve_companions(
                 v, c, wrong = admissible(dual, dual.displacements(solution), solution.z, bound)
                 tractions = np.where(dual.live, solution.z, 0.0)
                 reasons += (wrong,) if wrong else ()
-                wrong = " ".join(filter(None, (*(each.sentence for each in held.jumps), wrong)))
+                wrong = " ".join(filter(None, (*held.jumps, wrong)))
                 state = CompanionState(contacts, v, c, tractions, dual.live, bound, load - body.initial_load, wrong)
             outcome = solution.status, solution.certificate, solution.message, state, reasons, solution
             results.append(CompanionResult(problem, scales, body, *outcome))

@@ -16,7 +16,6 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, acts, instance_of, whole_number
 from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.displacements import (
-    Contradiction,
     DisplacementSpace,
     PrescribedDisplacements,
     corners_that_jump,
@@ -125,22 +124,20 @@ class Discretization(WithFields, PicklesFields):
                     "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
                     "clearance, give it a smaller radius."
                 )
-        return *remarks, *(each.sentence for each in self.contradictions)
+        return *remarks, *self.contradictions
 
     @cached_property
-    def contradictions(self) -> tuple[Contradiction, ...]:
-        """Corners where supports and obstacles demand several displacements, by more than `_MISFIT`."""
+    def contradictions(self) -> tuple[str, ...]:
+        """Sentences about corners where supports and obstacles demand several displacements, by more than `_MISFIT`."""
         if not self.problem.prescribed(Displacement):
             return ()
-        found = list(self._supported_corners[1].jumps)
-        for place, name, excess in self.corners_that_jump(self.problem, _MISFIT):
-            sentence = (
-                f"At {place} a support and the obstacle of {name!r} demand displacements that differ by {excess:.3g} "
-                "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements agree, "
-                "or leave a free side between them."
-            )
-            found.append(Contradiction(name, excess / self.scales.displacement, sentence))
-        return tuple(found)
+        obstacles = (
+            f"At {place} a support and the obstacle of {name!r} demand displacements that differ by {excess:.3g} "
+            "[length]. There stresses and forces grow without limit on finer meshes. Make the displacements agree, or "
+            "leave a free side between them."
+            for place, name, excess in self.corners_that_jump(self.problem, _MISFIT)
+        )
+        return *self._supported_corners[1].jumps, *obstacles
 
     @cached_property
     def _supported_corners(self) -> tuple[DisplacementSpace, PrescribedDisplacements]:

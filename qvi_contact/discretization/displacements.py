@@ -25,7 +25,7 @@ arcs: there the inner coefficients are those of the polynomials n·v and t·v, s
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legvander
@@ -373,14 +373,6 @@ def components_along(edges: Edges, directions: FloatArray, degree: int, *, turns
     return np.asarray(rows)
 
 
-class Contradiction(NamedTuple):
-    """A corner where data demand two displacements."""
-
-    contact: str  # that demands another one than a support; empty between two supports
-    size: float  # of the difference, over the unit of displacement
-    sentence: str
-
-
 @dataclass(frozen=True, eq=False)
 class PrescribedDisplacements:
     """The solutions v = B z + v₀ of the prescribed displacements C v = d."""
@@ -389,7 +381,7 @@ class PrescribedDisplacements:
     basis: Basis
     particular: FloatArray  # (size,): v₀
     reasons: tuple[str, ...]  # sentences why they differ from the data; empty if they do not
-    jumps: tuple[Contradiction, ...]  # where the data disagree; the reasons have their sentences, too
+    jumps: tuple[str, ...]  # those of the reasons that name corners where the data disagree
 
     def beside(self, count: int) -> tuple[sparse.csr_array, FloatArray]:
         """B and v₀ with `count` free degrees of freedom appended to those of the body."""
@@ -406,7 +398,7 @@ def supports(
     count as parallel: two slightly different normals would hold the vertices of an oblique side in both directions.
     So do sides of contacts with friction beside a support, which then holds all of their slip in the corner, or none.
     """
-    p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[Contradiction]()
+    p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[str]()
     width = 2 * (p + 1)  # entries of a row: the coefficients on an edge
     columns, entries = [np.empty((0, width), np.int64)], [np.empty((0, 1, width))]
     values, places = [np.empty(0)], [np.empty(0, np.int64)]  # d, and the coefficient of each row; −1 inside arcs
@@ -447,18 +439,14 @@ def supports(
         worst = int(np.argmax(np.abs(jump)))
         number = np.setdiff1d(np.arange(len(value)), solved.rows)[worst]
         corner = place_of(problem.mesh.origin + scales.length * space.places[at[number]])
-        size = float(abs(jump[worst]))
-        sentence = (
-            f"Prescribed displacements disagree at {corner}, by about {size * unit:.3g} [length]. There "
+        jumps.append(
+            f"Prescribed displacements disagree at {corner}, by about {abs(jump[worst]) * unit:.3g} [length]. There "
             "stresses and energy grow without limit on finer meshes. Prescribe the same displacement on both sides."
         )
-        jumps.append(Contradiction("", size, sentence))
         corners = C.take((at >= 0).nonzero()[0]).matrix()
         value[at >= 0] = corners @ lsqr(corners, value[at >= 0], atol=1e-14, btol=1e-14, iter_lim=100)[0]
         particular = solved.particular(value)[0]
-    return PrescribedDisplacements(
-        C, solved.basis, particular, (*reasons, *(each.sentence for each in jumps)), tuple(jumps)
-    )
+    return PrescribedDisplacements(C, solved.basis, particular, (*reasons, *jumps), tuple(jumps))
 
 
 def corners_that_jump(

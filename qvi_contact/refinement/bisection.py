@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain, pairwise
+from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -30,7 +30,7 @@ from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, by_cell
-from qvi_contact.refinement.measure import FORCES, LOADS, PLATE_FORCES, Measure
+from qvi_contact.refinement.measure import FORCES, PLATE_FORCES, Measure
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History, solve_history
 from qvi_contact.solution.remarks import stopped_plates
@@ -135,7 +135,9 @@ _THINNEST: Final = 1e-9  # smallest edge, over the body's length
 _SAFETY: Final = 1.5  # estimate over difference: the error of the reference may be a third of the answer's
 _FASTER: Final = 0.5  # share of its size that an estimate may lose in a round in which the energy stays
 _USEFUL: Final = 1.6  # largest computed norm by which bounds are near errors: the factor f in (D28) is 4.6
-_UNSEEN: Final = 0.1  # d or d² of `_stop_without_limit` over the target, up to which all meshes together stay below it
+_DEPTHS: Final = (6, 12, 18)  # bisections of all corners, after which a quantity shows whether it tends to a limit
+_UNSEEN: Final = 0.1  # of the target: largest change from the second depth to the third that no mesh brings to it
+_SLOW: Final = 1.0 / 3.0  # of the change before: a larger one may be part of ln h or 1/ln h; powers of h fall faster
 _EXACT: Final = 1e-6  # of the numbers beside it: a smaller difference of a quantity is rounding
 _NEAR: Final = 0.1  # largest accuracy of an inaccurate reference solution, over the difference from it
 _STOPS: Final = {
@@ -189,7 +191,7 @@ class TriangleRefinement:
         unit, where = measure.unit(last, value), places(answer)
         bounds = comparison = self._bounds(answer, value, earlier)
         if comparison is None:
-            _stop_without_limit(measure, last, self.settings.target)
+            self._stop_without_limit(last, unit, mesh.vertices[where.corners], earlier)
             comparison = self._compared(answer, value, unit, where)
             if comparison is None and any(np.isfinite(each.record.estimate) for each in earlier):
                 status = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.UNSOLVED
@@ -259,6 +261,30 @@ class TriangleRefinement:
                 parts = np.sum([energies_between(*pair) for pair in zip(results, references, strict=True)], axis=0)
                 return Comparison(max(_SAFETY * difference, accuracy_of_answer), Certainty.ESTIMATE, parts, reference)
         return None
+
+    def _stop_without_limit(
+        self, result: ContactResult, unit: float, corners: FloatArray, earlier: Sequence[Round]
+    ) -> None:
+        """`StopError` if the quantity tends to no limit, or too slowly, as data contradict each other in a corner.
+
+        There displacements are homogeneous of degree 0 in the distance, and stresses of degree −1. What depends on all
+        of them, as a force or an energy, grows by the same amount in each bisection. Other numbers settle: moments
+        about the corner, forces in directions without such tractions, stresses far away. The motion of a plate that a
+        support stops, with all that it loads, falls as 1/ln h. So the first mesh is solved with its corners (k, 2)
+        bisected, once. If that fails, the quantity counts as one without a limit.
+        """
+        reasons = (*result.discretization.contradictions, *stopped_plates(result))
+        if not reasons or any(np.isfinite(each.reference) for each in earlier):
+            return
+        values = np.full(len(_DEPTHS), np.nan)
+        with suppress(QVIError):
+            for number, depth in enumerate(_DEPTHS):
+                answer = self._solved(self.steps[0].mesh.graded(corners, depth), self.degree, np.inf)
+                values[number] = self._value(answer) if answer.status is Status.SOLVED else np.nan
+        before, change = np.abs(np.diff(values))
+        settles = change <= _UNSEEN * self.settings.target * unit or change <= _SLOW * before
+        if not settles:
+            raise StopError(RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.NO_LIMIT, reasons[0])
 
     def _solved(self, mesh: TriangleMesh, degree: int, most: float) -> ContactResult | History:
         """The result with a degree; `StopError` if it needs more unknowns than `most`."""
@@ -338,24 +364,6 @@ class Comparison(NamedTuple):
     certainty: Certainty  # whether it is a bound
     parts: FloatArray  # (cells,): part of each cell in the difference [stress × length²], ≥ 0
     reference: float = np.nan  # the quantity of the reference solution; NaN without one
-
-
-def _stop_without_limit(measure: Measure, result: ContactResult, target: float) -> None:
-    """`StopError` if a quantity tends to no limit on finer meshes, by data that contradict each other in corners.
-
-    Between supports and obstacles that disagree by a share d of displacements, forces and energies grow without limit:
-    in each bisection forces by about d/10, energies by d²/10, as shares. No mesh shows what is far below the target. A
-    plate that a support stops comes to rest very slowly, and with it all that it loads.
-    """
-    is_load, name = measure.kind in LOADS, measure.name.rpartition(".")[0]
-    power = 2 if measure.kind == "energy" else 1
-    jumps = (
-        each.sentence
-        for each in result.discretization.contradictions
-        if each.size**power > _UNSEEN * target and (power == 2 or (is_load and each.contact == name))
-    )
-    for why in chain(jumps, stopped_plates(result)):
-        raise StopError(RefinementStatus.NO_LIMIT, why)
 
 
 def is_useless(result: ContactResult) -> bool:

@@ -41,7 +41,6 @@ Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
 FORCES: Final = ("normal_force", "tangential_force")
 PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
-LOADS: Final = (*FORCES, *PLATE_FORCES, "pressure")
 _MOTIONS: Final = ("x", "y", "rotation")
 _ENERGIES: Final = ("energy", "dissipation")
 _UNITS: Final = {
