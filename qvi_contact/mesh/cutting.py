@@ -131,13 +131,11 @@ def _are_cusps(mesh: MeshParts, pairs: IntArray) -> BoolArray:
     """
     ends, t = mesh.topology.ends[pairs], np.linspace(0.0, 1.0, _PIECES + 1)
     chords = np.diff(mesh.vertices[ends] @ [1.0, 1.0j], axis=2)
-    bend = angles(mesh.bends[pairs.ravel()], t).reshape(*pairs.shape, len(t))
+    bend, lengths = angles(mesh.bends[pairs.ravel()], t).reshape(*pairs.shape, len(t)), np.abs(chords)[:, :, 0]
     away = chords * [1.0, -1.0] * np.exp(1j * bend[:, :, [0, -1]])  # the tangents at both ends, into the edge
     between = np.abs(np.angle(away[:, 0, :, None] * away[:, 1, None].conj()))
-    lengths = np.abs(chords)[:, :, 0]
-    with np.errstate(divide="ignore"):  # straight edges have infinite radii
-        rounding = ROUNDING * (lengths / np.ptp(bend, axis=2)).min(axis=1)
-    is_small = between * lengths.min(axis=1)[:, None, None] / 4.0 <= rounding[:, None, None]
+    turn = lengths.min(axis=1) * (np.ptp(bend, axis=2) / lengths).max(axis=1)  # chord over radius
+    is_small = between * turn[:, None, None] / 4.0 <= ROUNDING
     return np.asarray((is_small & (ends[:, 0, :, None] == ends[:, 1, None])).any(axis=(1, 2)))
 
 
