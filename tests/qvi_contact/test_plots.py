@@ -473,7 +473,7 @@ class TestFigures:
         figure = history_figure(History((solve(block),), 1))
         figure.draw_without_rendering()
         corners = figure.axes[0].texts[0].get_window_extent().padded(3.0).corners()
-        assert all(figure.axes[0].bbox.contains(*corner) for corner in corners)  # nor does their background cover the axis
+        assert all(figure.axes[0].bbox.contains(*corner) for corner in corners)  # nor their background the axis
 
 
 @pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".pdf", b"%PDF"), (".PNG", b"\x89PNG")])
