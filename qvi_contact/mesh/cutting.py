@@ -105,7 +105,8 @@ def refuse_flaws(mesh: MeshParts) -> None:
 def refuse_overlap(mesh: MeshParts) -> None:
     """`InputError` where two sides of the body cross: the body lies on itself there.
 
-    Arcs of circles are exact, other curves are divided into shorter ones, about 1e-8 of an edge's length off.
+    Arcs of circles are exact, other curves are divided into shorter ones, about 1e-8 of an edge's length off. Sides
+    that end in a cusp may cross by the rounding of vertices on circles, see `_are_cusps`.
     """
     numbers = mesh.topology.outer
     ends, bends = mesh.vertices[mesh.topology.ends[numbers]], mesh.bends[numbers]
@@ -115,10 +116,27 @@ def refuse_overlap(mesh: MeshParts) -> None:
     points[:, -1] = ends[is_curve, 1]  # without rounding: neighbours have one end
     half_turns = np.append(bends[~is_curve, 1], np.diff(angles(bends[is_curve], t), axis=1) / 2.0)
     all_ends = np.concatenate([ends[~is_curve], np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)])
-    crossed = crossing(all_ends, half_turns)
+    crossed, side = crossing(all_ends, half_turns), np.append(numbers[~is_curve], numbers[is_curve].repeat(_PIECES))
+    crossed = crossed[~_are_cusps(mesh, side[crossed])]
     if len(crossed):
         remedy = "two sides of the body cross around this point, so it overlaps itself: correct the vertices there"
         raise InputError("TriangleMesh", place_of(all_ends[crossed[0].min()].mean(axis=0)), remedy)
+
+
+def _are_cusps(mesh: MeshParts, pairs: IntArray) -> BoolArray:
+    """Mask of pairs (k, 2) of edges with a common vertex where they have one tangent, up to rounding of their ends.
+
+    If they cross beyond it, at an angle δ, they overlap by less than δ/4 times the shorter chord. That is rounding if
+    it is less than what vertices may be off the smaller of the two circles. Straight edges cross nowhere else.
+    """
+    ends, t = mesh.topology.ends[pairs], np.linspace(0.0, 1.0, _PIECES + 1)
+    chords = np.diff(mesh.vertices[ends] @ [1.0, 1.0j], axis=2)
+    bend, lengths = angles(mesh.bends[pairs.ravel()], t).reshape(*pairs.shape, len(t)), np.abs(chords)[:, :, 0]
+    away = chords * [1.0, -1.0] * np.exp(1j * bend[:, :, [0, -1]])  # the tangents at both ends, into the edge
+    between = np.abs(np.angle(away[:, 0, :, None] * away[:, 1, None].conj()))
+    turn = lengths.min(axis=1) * (np.ptp(bend, axis=2) / lengths).max(axis=1)  # chord over radius
+    is_small = between * turn[:, None, None] / 4.0 <= ROUNDING
+    return np.asarray((is_small & (ends[:, 0, :, None] == ends[:, 1, None])).any(axis=(1, 2)))
 
 
 def _refuse(is_wrong: BoolArray, numbers: IntArray, remedy: str, places: FloatArray) -> None:

@@ -225,7 +225,7 @@ class Labels:
     def fit(self, box: FloatArray) -> FloatArray:
         """Move each text to the spot where it covers least of earlier texts, then of `drawn`.
 
-        Returns the box (2, 2) [length], larger where it does not hold the texts.
+        Returns the box (2, 2) [length], larger where it does not hold the texts with their white background.
         """
         figure = self._axes.get_figure(root=True)
         if figure is None or not self._texts:
@@ -248,7 +248,7 @@ class Labels:
 
             _move(text, min(spots, key=covered))
             boxes.append(text.get_window_extent().padded(3.0))
-            low, high = self._axes.transData.inverted().transform(text.get_window_extent().get_points())
+            low, high = self._axes.transData.inverted().transform(boxes[-1].get_points())
             margin = 0.01 * (box[1] - box[0])
             box = np.where([low < box[0], high > box[1]], [low - margin, high + margin], box)
         return box

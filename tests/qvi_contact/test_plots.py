@@ -472,8 +472,8 @@ class TestFigures:
         block = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.5), top, *FREE])
         figure = history_figure(History((solve(block),), 1))
         figure.draw_without_rendering()
-        corners = figure.axes[0].texts[0].get_window_extent().corners()
-        assert all(figure.axes[0].bbox.contains(*corner) for corner in corners)  # numbers do not cover the axis
+        corners = figure.axes[0].texts[0].get_window_extent().padded(3.0).corners()
+        assert all(figure.axes[0].bbox.contains(*corner) for corner in corners)  # nor their background the axis
 
 
 @pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".pdf", b"%PDF"), (".PNG", b"\x89PNG")])

@@ -9,7 +9,7 @@ import pytest
 
 from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
 from qvi_contact.gallery import compressed_plate, fan
-from qvi_contact.mesh import TriangleMesh, edges_on_segment, fitted
+from qvi_contact.mesh import Curve, TriangleMesh, edges_on_segment, fitted
 from qvi_contact.mesh.selection import crossing
 from tests.qvi_contact.builders import area, half_disc, quarter
 from tests.qvi_contact.test_triangles import oblique, turned
@@ -103,6 +103,18 @@ class TestRefusals:
         ends = [[(np.sin(0.6), np.cos(0.6)), (-np.sin(0.6), np.cos(0.6))], [(-0.95, above), (0.95, above)]]
         ends = np.add(turned(ends, 37.0), (30.0, -20.0))
         assert len(crossing(ends, np.array([0.6, half_turn]))) == (depth > 0.0)
+
+    @pytest.mark.parametrize(("k", "turn", "tilt"), [(0.0, 0.05, 0.0), (0.9, 0.3, 0.0), (0.0, 0.1, 1e-4)])
+    def test_bodies_tangent_where_their_joint_ends(self, k, turn, tilt):
+        """A circle of radius 1 on a line or a circle of curvature k, with six digits; tilted, they cross beyond 0."""
+        s, c = np.sin([turn, 1.05 * k * turn]), 1.0 - np.cos([turn, 1.05 * k * turn])
+        below = turned((s[1] / k, c[1] / k) if k else (1.05 * turn, 0.0), np.degrees(tilt))
+        points = [(-1.0, 0.0), (0.0, 0.0), (0.0, 1.0), (0.0, -1.0), (s[0], c[0]), below]
+        cells, bends = [(0, 1, 2), (0, 1, 3), (1, 4, 2), (1, 5, 3)], [[0.0, turn / 2.0], [0.0, 1.05 * k * turn / 2.0]]
+        for angle in range(0, 360, 20):
+            arcs = [Curve(np.array([[1, 4], [1, 5]]), np.array(bends))]
+            with pytest.raises(InputError, match="overlaps") if tilt else nullcontext():
+                TriangleMesh(np.round(turned(points, angle), 6), cells, {}, {}, arcs)
 
     @staticmethod
     def two(vertices, cells, moved):
