@@ -15,9 +15,7 @@ from qvi_contact.bracket import bracket
 from qvi_contact.command.cli import group
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
-from solvers.basics import Log, Progress, report
 from solvers.settings import METHODS
-from solvers.solution import Iteration
 
 NAME = "qvi_contact"
 DRAGGED = Path(__file__).parent.parent / "examples" / "dragged_block_holds.toml"
@@ -82,15 +80,6 @@ def test_histories_refinements_and_limits_have_a_line_for_each_step(capsys):
     assert f"{limit.lower:.9g}" in capsys.readouterr().out
     refine(block, quantity=LimitFactor(loads), verbose=True)
     assert f"{limit.lower:.9g}" in capsys.readouterr().out
-
-
-def test_long_runs_have_a_line_where_two_digits_change(capsys):
-    with Log("long", verbose=True) as log:
-        log.begin({})
-        for number in range(1, 1001):
-            report(Progress("uzawa", Iteration(number, 1.0, 1.0, 1.0)))
-        log.end("solved", "", {}, solved=True)
-    assert numbers(capsys.readouterr().out) == [*range(1, 100), *range(100, 1001, 10)]
 
 
 def test_the_log_has_the_outermost_call_at_info_and_failures_as_warnings(caplog, capsys):

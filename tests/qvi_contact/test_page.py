@@ -317,13 +317,6 @@ def test_tables_of_a_result(squeezed):
     assert float(ground[1]) == pytest.approx(squeezed.contacts["ground"].normal_force, rel=1e-4)
 
 
-def test_sentences_carry_the_unit():
-    """What the user has not named keeps its dimension."""
-    assert UNITS.filled("[stress] of 'a' is 2 [stress], 3 [length]") == "[stress] of 'a' is 2 MPa, 3 mm"
-    assert UNITS.filled("from 2 to 3 [stress × length] on 'a'") == "from 2 to 3 N/mm on 'a'"
-    assert Units(stress="MPa").filled("2 [stress × length]") == "2 [stress × length]"
-
-
 @pytest.fixture(scope="module")
 def overlapping():
     """Two blocks that overlap by 0.05 in a joint without friction, as in a shrink fit: nothing else loads them."""

@@ -272,6 +272,8 @@ def test_a_refinement_goes_on_from_an_earlier_result():
     assert again.value == pytest.approx(first.value, rel=1e-9)
     with refused_at("result", "another body"):
         refine(compressed_plate(0.2, width=0.9), first.result)
+    large = compressed_plate(0.2, (2, 2), width=1e3, height=1e3, young=2.09e11, displacement=1.0)  # in other units
+    assert refine(large, None, 1e-3, FORCE, degree=3).value == pytest.approx(1e9 * first.value, rel=1e-7)
 
 
 class TestEnds:
@@ -470,6 +472,10 @@ def test_the_answer_is_that_of_the_last_round_in_time(clock, seconds):
     assert len(outcome.rounds) == len(seen) == np.ceil(seconds)
     assert outcome.estimate == seen[-1].estimate < np.inf
     assert outcome.result.status is Status.SOLVED
+
+
+def test_no_time_for_the_first_round():
+    assert refine(compressed_plate(0.2, (2, 2)), time_limit=1e-9).result.status is Status.TIME_LIMIT
 
 
 def test_bounds_that_time_cuts_short_are_no_round(clock):

@@ -453,6 +453,11 @@ def test_loads_that_cancel_each_other_leave_rounding():
     assert force.lower <= 2.0 <= force.upper < 2.0 + 1e-4
 
 
+def test_cohesion_counts_where_it_slips():
+    problem = with_law(compressed_plate(0.1, (4, 4)), cohesion=8.0)
+    bounds_met(solve(problem, degree=4), solve(problem, degree=6), 4.0, "plate.normal_force")
+
+
 class TestOtherBodies:
     """Bodies without a proved norm: estimated bounds, and none where there is no friction operator."""
 
