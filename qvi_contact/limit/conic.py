@@ -40,6 +40,7 @@ _ROOM: Final = 1e-9  # margin of the inner point up to which a row has no room
 _ROOMY: Final = 1e-3  # margin of the inner point above which all rows have room; below −1e-3 no point keeps them
 _SLACK: Final = 1e-4  # of the size: a plane with a larger s at a point that breaks rows by 1e-8 at most is no equation
 _DEPENDENT: Final = 1e-11  # part of an equation that others lack, relative: they differ by 1e-4 or more, or by rounding
+_MOST_PLANES: Final = 6000  # planes and inequalities up to which faces are sought: programs of more take minutes
 _LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
 _SMALL: Final = 1e-5  # price of t relative to room: without it, inner flows dissipate more for no more room
 _NEAR: Final = 1e-3  # largest margin of the inner point of flows
@@ -190,7 +191,8 @@ class ConicProgram:
 
         A plane t ≥ û·u that holds with equality at all points leaves the ray u = t û of its cone, and two such planes
         leave the tip t = u = 0. New equations state that, and may make further planes equal. The û are `directions`
-        (blocks, k, width − 1) and the axes. Up to rounding, every point of the new program is one of the old.
+        (blocks, k, width − 1) and the axes. Up to rounding, every point of the new program is one of the old. Of more
+        than `_MOST_PLANES` planes none is tried.
         """
         axes = np.concatenate([np.eye(self.width - 1), -np.eye(self.width - 1)])
         planes = np.concatenate([directions, np.broadcast_to(axes, (len(directions), *axes.shape))], axis=1)
@@ -224,6 +226,8 @@ class ConicProgram:
         norms = linalg.norm(G, axis=1)
         used = norms > HELD * np.append(of_rows[self.equal : first], of_cones[block])
         is_equal = np.append(np.zeros(self.linear, dtype=bool), np.ones(len(block), dtype=bool))
+        if len(is_equal) > _MOST_PLANES:
+            return np.zeros(self.linear, dtype=bool), np.zeros(planes.shape[:2], dtype=bool)
         n, count = G.shape[1], int(np.count_nonzero(used))
         G = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ G[used])
         E = sparse.diags_array(1.0 / np.where(of_rows > 0.0, of_rows, 1.0)[: self.equal]) @ rows[: self.equal]
