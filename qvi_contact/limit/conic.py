@@ -218,6 +218,8 @@ class ConicProgram:
         slack, small = t - np.einsum("bc,bkc->bk", u, planes), _SLACK * self.size(x)
         is_tried = (slack <= small) & ((t <= small) | (np.arange(planes.shape[1]) == slack.argmin(axis=1)[:, None]))
         block, plane = np.nonzero(is_tried & (of_cones > _ROUNDED * of_rows.max(initial=0.0))[:, None])
+        if self.linear + len(block) > _MOST_PLANES:
+            return np.zeros(self.linear, dtype=bool), np.zeros(planes.shape[:2], dtype=bool)
         heads = first + self.width * block
         units = enumerate(planes[block, plane].T, 1)
         tangents: list[Any] = [sparse.diags_array(unit) @ rows[heads + c] for c, unit in units]
@@ -226,8 +228,6 @@ class ConicProgram:
         norms = linalg.norm(G, axis=1)
         used = norms > HELD * np.append(of_rows[self.equal : first], of_cones[block])
         is_equal = np.append(np.zeros(self.linear, dtype=bool), np.ones(len(block), dtype=bool))
-        if len(is_equal) > _MOST_PLANES:
-            return np.zeros(self.linear, dtype=bool), np.zeros(planes.shape[:2], dtype=bool)
         n, count = G.shape[1], int(np.count_nonzero(used))
         G = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ G[used])
         E = sparse.diags_array(1.0 / np.where(of_rows > 0.0, of_rows, 1.0)[: self.equal]) @ rows[: self.equal]

@@ -117,6 +117,8 @@ def refuse_overlap(mesh: MeshParts) -> None:
     half_turns = np.append(bends[~is_curve, 1], np.diff(angles(bends[is_curve], t), axis=1) / 2.0)
     all_ends = np.concatenate([ends[~is_curve], np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)])
     crossed, side = crossing(all_ends, half_turns), np.append(numbers[~is_curve], numbers[is_curve].repeat(_PIECES))
+    if not len(crossed):
+        return
     crossed = crossed[~_are_cusps(mesh, side[crossed])]
     if len(crossed):
         remedy = "two sides of the body cross around this point, so it overlaps itself: correct the vertices there"

@@ -53,8 +53,8 @@ class RefinementStatus(Ending):
     NO_GUARANTEE = "no_guarantee", "The error is within the target, but no guaranteed bound: result.bracket says why."
     UNKNOWNS = "unknowns", "The next mesh has more unknowns than allowed: raise max_unknowns, or accept the estimate."
     ROUNDS = "rounds", "The rounds are used up: raise max_rounds, or accept the estimate."
-    THIN_CELLS = "thin_cells", "Where the error is largest, cells cannot be thinner in double precision: accept it."
-    NO_LIMIT = "no_limit", "On finer meshes the quantity tends to no limit, or too slowly: change the data as advised."
+    THIN_CELLS = "thin_cells", "The cells with the largest error are too thin to be halved: accept the estimate."
+    NO_LIMIT = "no_limit", "On finer meshes the quantity tends to no limit, or too slowly: change what its reason says."
     UNSOLVED = "unsolved", "A problem of the refinement was not solved. Its message says what to do."
     TIME_LIMIT = "time_limit", "The time limit was reached: raise time_limit, or accept the estimate of the last round."
 

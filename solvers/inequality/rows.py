@@ -124,7 +124,7 @@ def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
 LEAST_PIVOT = 1e-10
 """Pivots of QR, over the largest one, below which rows of length one count as linearly dependent."""
 
-_LAST_WEIGHT = 0.9  # weight of the last column in the choice of pivots, 1 of the first
+_LAST_WEIGHT = 0.9  # least weight of the last column in the choice of pivots, 1 of the first
 _CANCELLATION = 1e-9  # a row reduced by elimination to less than this share of its terms is linearly dependent
 _PIVOT_THRESHOLD = 0.1  # least size of a pivot over the largest entry of its row
 
@@ -159,7 +159,7 @@ def _by_qr(A: Matrix) -> tuple[Vector, IntVector]:
     """
     if not A.size:
         return np.zeros(0), np.arange(A.shape[1])
-    packed, order, *_ = dgeqp3(A * np.geomspace(1.0, _LAST_WEIGHT, A.shape[1]))
+    packed, order, *_ = dgeqp3(A * _LAST_WEIGHT ** (np.arange(A.shape[1]) / A.shape[1]))
     return np.abs(np.diagonal(packed)), np.asarray(order - 1, dtype=np.int64)
 
 

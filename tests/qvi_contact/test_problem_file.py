@@ -75,6 +75,7 @@ FRICTIONS = st.floats(0.0, 1e6) | st.just(Expression("p + 0 * x", {"p": 2.0}))
 LAWS = st.fixed_dictionaries({}, optional={
     "gap": FIELDS, "offset": FIELDS, "cohesion": FRICTIONS, "shear_limit": FRICTIONS, "pore_pressure": FRICTIONS,
     "law": st.sampled_from(["unilateral", "bilateral"]), "name": st.text(PRINTED, min_size=1, max_size=8),
+    "normal_stiffness": POSITIVE, "tangential_stiffness": st.just(Expression("10 + abs(x)")),
     "plate": st.builds(RigidPlate, force_x=NUMBERS, force_y=st.none() | NUMBERS, rotation=st.none() | NUMBERS,
                        pivot=st.tuples(NUMBERS, NUMBERS)),
 })  # fmt: skip

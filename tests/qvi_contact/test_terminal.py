@@ -89,9 +89,7 @@ def piped(*arguments, python=(), **streams):
 
 @pytest.mark.skipif(not FULL.exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(
-    ("arguments", "python"),
-    [(["--rich"], []), (["--late", "--lines", "9999"], ["-u"])],
-    ids=["rich", "unbuffered"],
+    ("arguments", "python"), [(["--rich"], []), (["--late", "--lines", "9999"], ["-u"])], ids=["rich", "unbuffered"]
 )
 def test_a_full_standard_output(arguments, python):
     with FULL.open("w", encoding="utf-8") as full, piped(*arguments, python=python, stdout=full) as process:
