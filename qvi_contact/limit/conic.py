@@ -28,7 +28,7 @@ from solvers.inner.linear_program import solved
 _TOLERANCE: Final = 1e-9  # of the solver, for feasibility and duality gap
 _COARSER: Final = 1e-7  # duality gap of the solver in large programs; bounds are computed from x in any case
 _LARGE: Final = 4000  # blocks of a large program
-REGULAR: Final = (1e-12, 1e-11, 1e-10)  # regularisations of the solver, tried in turn: larger ones lose thin triangles
+_REGULAR: Final = (1e-12, 1e-11, 1e-10)  # regularisations of the solver, tried in turn: larger ones lose thin triangles
 _USUAL: Final = 1e-8  # the last regularisation: others lose dependent equations and undetermined stresses
 _REFINED: Final = 30  # largest number of the solver's steps of iterative refinement
 _ROUNDED: Final = 1e-14  # of the norm of the largest column: columns below are rounding
@@ -103,7 +103,7 @@ class ConicProgram:
         b = np.concatenate([equations[1], inequalities[1], g])
         return cls(q, A, b, len(equations[1]), len(inequalities[1]), d, dependent)
 
-    def solve(self, regular: Sequence[float] = REGULAR, *, share: float = 0.0, room: float = 0.0) -> Answer | str:
+    def solve(self, regular: Sequence[float] = _REGULAR, *, share: float = 0.0, room: float = 0.0) -> Answer | str:
         """The solver's answer; or "infeasible", or "unbounded", if the solver has a certificate of that.
 
         The answer keeps positive limits reduced by a share, and all limits reduced by a room. `SolveError` if there is
