@@ -329,8 +329,7 @@ class StressProgram:
         """The largest factor, with stresses moved the given share of the way to a state inside all limits.
 
         Where no body yields, the simplex method solves the program; for a share its answer is moved. The stresses of
-        bodies that yield are those of the program whose limits are reduced by 1e-8, if it has an answer, so that
-        rounding does not break limits.
+        bodies that yield are those of the program whose limits are reduced by 1e-8, so that rounding breaks none.
         """
         of_cones = self.low.problem.yields or share > 0.0
         solve = partial(self._within_limits, share=share) if of_cones else self._by_simplex
