@@ -280,11 +280,10 @@ class ConicProgram:
         return np.asarray((abs(self.A[self._heads]).sum(axis=1) + np.abs(self.b[self._heads])) > 0.0)
 
     def projected(self, x: FloatArray) -> FloatArray:
-        """The nearest point to x that keeps the equations; for independent equations, nearest in all other rows."""
+        """The nearest point to x that keeps the equations."""
         point, E, e = np.array(x), self.A[: self.equal], self.b[: self.equal]
         for _ in range(_SWEEPS if self.equal else 0):
-            to_unknowns, normal = self._nearest
-            point += to_unknowns @ normal.solve(e - E @ point)
+            point += E.T @ self._nearest.solve(e - E @ point)
         return np.asarray(point)
 
     @cached_property
@@ -306,18 +305,12 @@ class ConicProgram:
         return rows, norms, np.asarray(norms[self.equal + self.linear :].reshape(-1, self.width).max(axis=1))
 
     @cached_property
-    def _nearest(self) -> tuple[Any, Any]:
-        """H⁻¹ Eᵀ for the equations E, and E H⁻¹ Eᵀ factorised; H is Gᵀ G of all other rows and q, 1 if dependent."""
+    def _nearest(self) -> Any:
+        """E Eᵀ for the equations E, factorised."""
         E = self.A[: self.equal]
-        to_unknowns: Any = E.T
-        if not self.dependent:  # few equations: dense columns
-            units = sparse.diags_array(1.0 / self._scale)
-            G = sparse.vstack([self.A[self.equal :], sparse.csr_array(self.q[None])]) @ units
-            H = sparse.csc_array(G.T @ G + _DAMPED * sparse.eye_array(len(self.q)))
-            to_unknowns = units @ linalg.splu(H).solve((E @ units).T.toarray())
-        square = sparse.csc_array(E @ to_unknowns)
+        square = sparse.csc_array(E @ E.T)
         largest = float(np.abs(square.diagonal()).max()) or 1.0  # loads of zero have the equation 0 = 0
-        return to_unknowns, linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
+        return linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
 
     def blocks(self, x: FloatArray) -> FloatArray:
         """(t, u) of all blocks (blocks, width)."""

@@ -328,8 +328,8 @@ class StressProgram:
     def carried(self, share: float = 0.0) -> Carried:
         """The largest factor, with stresses moved the given share of the way to a state inside all limits.
 
-        Where no body yields, the simplex method solves the program; for a share its answer is moved. The stresses of
-        bodies that yield are those of the program whose limits are reduced by 1e-8, so that rounding breaks none.
+        Where no body yields, and no share is asked for, the simplex method solves the program. Else its limits are
+        reduced by 1e-8, so that rounding breaks none.
         """
         of_cones = self.low.problem.yields or share > 0.0
         solve = partial(self._within_limits, share=share) if of_cones else self._by_simplex
@@ -341,16 +341,13 @@ class StressProgram:
         Cones without room are replaced by faces that hold all stresses: first where a strength is 0, else if an answer
         is in doubt. Without room, limits that are 1e-13 wider may carry much more, or anything at all.
         """
-        full, known = self.program(signs), None
-        answers, failure = list[Carried](), SolveError(_AT_LIMIT)
-        with suppress(SolveError):
-            known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
+        full, answers, failure = self.program(signs), list[Carried](), SolveError(_AT_LIMIT)
         for on_faces in (False, True) if self.cones.limit.all() else (True, False):
             try:
                 program = full.on_faces(self.cones.rays) if on_faces else full
                 if program is None:
                     continue
-                found = self._of_program(program, share, None if on_faces else known)
+                found = self._of_program(program, share)
             except SolveError as error:  # the other answer stays valid
                 failure = error
                 continue
@@ -370,12 +367,8 @@ class StressProgram:
         trusted = [one for one in answers if one.violation <= ROUNDING and not one.factor == -np.inf < one.bound]
         return max(trusted or answers, key=lambda one: one.factor)
 
-    def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
-        """The known point if it is within the limits up to rounding, else the solver's answer."""
-        if known is not None:
-            carried = self._held(program, *program.repaired(known, share))
-            if carried.violation <= ROUNDING and np.isfinite(carried.factor):
-                return replace(carried, bound=carried.factor)
+    def _of_program(self, program: ConicProgram, share: float) -> Carried:
+        """The solver's answer, corrected."""
         answer = program.solve(share=_TIGHTER)
         if answer == NO_ANSWER:  # also of limits that are wider by rounding
             with suppress(SolveError):
