@@ -28,28 +28,25 @@ from solvers.inner.linear_program import solved
 _TOLERANCE: Final = 1e-9  # of the solver, for feasibility and duality gap
 _COARSER: Final = 1e-7  # duality gap of the solver in large programs; bounds are computed from x in any case
 _LARGE: Final = 4000  # blocks of a large program
-REGULAR: Final = (1e-12, 1e-11, 1e-10)  # regularisations of the solver, tried in turn: larger ones lose thin triangles
+_REGULAR: Final = (1e-12, 1e-11, 1e-10)  # regularisations of the solver, tried in turn: larger ones lose thin triangles
 _USUAL: Final = 1e-8  # the last regularisation: others lose dependent equations and undetermined stresses
 _REFINED: Final = 30  # largest number of the solver's steps of iterative refinement
 _ROUNDED: Final = 1e-14  # of the norm of the largest column: columns below are rounding
 _DAMPED: Final = 1e-14  # relative damping of normal equations whose rows may be dependent
 _SWEEPS: Final = 4  # steps of the projection on the equations
 HELD: Final = 1e-7  # largest violation, relative to the size, that counts as rounding
-ROUNDING: Final = 1e-11  # violation, relative to the size, that is not worth a second program
+ROUNDING: Final = 1e-11  # violation, relative to the size, that is not worth a correction
 _ROOM: Final = 1e-9  # margin of the inner point up to which a row has no room
 _ROOMY: Final = 1e-3  # margin of the inner point above which all rows have room; below −1e-3 no point keeps them
 _SLACK: Final = 1e-4  # of the size: a plane with a larger s at a point that breaks rows by 1e-8 at most is no equation
 _DEPENDENT: Final = 1e-11  # part of an equation that others lack, relative: they differ by 1e-4 or more, or by rounding
 _MOST_PLANES: Final = 6000  # planes and inequalities up to which faces are sought: programs of more take minutes
-_LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
 _SMALL: Final = 1e-5  # price of t relative to room: without it, inner flows dissipate more for no more room
 _NEAR: Final = 1e-3  # largest margin of the inner point of flows
-_TIGHTER: Final = 4.0  # times the violation of an answer: room asked for in a second program
 APART: Final = 1e2  # ratio to the least strength up to which strengths are weighted alike
 _GAIN: Final = 1e-9  # of the sum of |q_i x_i|, and of the fall 1 that is asked for: a smaller fall of q·x is rounding
 _MISSED: Final = 0.1  # of the fall of q·x: largest share that may come from violated rows
 _ENDLESS: Final = 1e50  # largest point: a larger one is a direction, and its square might overflow
-_NEVER: Final = 1e-300  # tolerance that turns the solver's test for "unbounded" off
 _LEAST_TIME: Final = 1.0  # least time limit of one program, in seconds
 
 INFEASIBLE: Final = "infeasible"
@@ -103,7 +100,7 @@ class ConicProgram:
         b = np.concatenate([equations[1], inequalities[1], g])
         return cls(q, A, b, len(equations[1]), len(inequalities[1]), d, dependent)
 
-    def solve(self, regular: Sequence[float] = REGULAR, *, share: float = 0.0, room: float = 0.0) -> Answer | str:
+    def solve(self, regular: Sequence[float] = _REGULAR, *, share: float = 0.0, room: float = 0.0) -> Answer | str:
         """The solver's answer; or "infeasible", or "unbounded", if the solver has a certificate of that.
 
         The answer keeps positive limits reduced by a share, and all limits reduced by a room. `SolveError` if there is
@@ -130,13 +127,9 @@ class ConicProgram:
             settings.static_regularization_constant = regularisation
             settings.time_limit = max(deadline.left, _LEAST_TIME)
             answer = clarabel.DefaultSolver(*data, settings).solve()
-            if str(answer.status).endswith("DualInfeasible"):
-                if self.falls:
-                    return UNBOUNDED
-                settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
-                settings.reduced_tol_infeas_abs = settings.reduced_tol_infeas_rel = _NEVER
-                answer = clarabel.DefaultSolver(*data, settings).solve()
-            if str(answer.status) not in ("NumericalError", "InsufficientProgress"):
+            if str(answer.status).endswith("DualInfeasible") and self.falls:
+                return UNBOUNDED
+            if not str(answer.status).endswith(("NumericalError", "InsufficientProgress", "DualInfeasible")):
                 break
             failed.append(answer)
         else:
@@ -179,11 +172,11 @@ class ConicProgram:
             answer = self.solve()
         if isinstance(answer, str):
             return False
-        x, violation = self.repaired(answer.x)
+        x = self.projected(answer.x)  # nearer to inner points it may fall no more
         fall, magnitude = -float(self.q @ x), float(np.abs(self.q) @ np.abs(x))
         # effect of the violation on q·x, by the multipliers; q stands in where limits of the fall hide a multiplier
         prices = np.append(self.q, answer.multipliers[self._heads])
-        effect = violation * self.size(x) * float(np.abs(prices).sum())
+        effect = -float(self.margins(x).min(initial=0.0)) * self.size(x) * float(np.abs(prices).sum())
         return fall > _GAIN * max(1.0, magnitude) and effect <= _MISSED * fall
 
     def on_faces(self, directions: FloatArray) -> ConicProgram | None:
@@ -287,11 +280,10 @@ class ConicProgram:
         return np.asarray((abs(self.A[self._heads]).sum(axis=1) + np.abs(self.b[self._heads])) > 0.0)
 
     def projected(self, x: FloatArray) -> FloatArray:
-        """The nearest point to x that keeps the equations; for independent equations, nearest in all other rows."""
+        """The nearest point to x that keeps the equations."""
         point, E, e = np.array(x), self.A[: self.equal], self.b[: self.equal]
         for _ in range(_SWEEPS if self.equal else 0):
-            to_unknowns, normal = self._nearest
-            point += to_unknowns @ normal.solve(e - E @ point)
+            point += E.T @ self._nearest.solve(e - E @ point)
         return np.asarray(point)
 
     @cached_property
@@ -313,18 +305,12 @@ class ConicProgram:
         return rows, norms, np.asarray(norms[self.equal + self.linear :].reshape(-1, self.width).max(axis=1))
 
     @cached_property
-    def _nearest(self) -> tuple[Any, Any]:
-        """H⁻¹ Eᵀ for the equations E, and E H⁻¹ Eᵀ factorised; H is Gᵀ G of all other rows and q, 1 if dependent."""
+    def _nearest(self) -> Any:
+        """E Eᵀ for the equations E, factorised."""
         E = self.A[: self.equal]
-        to_unknowns: Any = E.T
-        if not self.dependent:  # few equations: dense columns
-            units = sparse.diags_array(1.0 / self._scale)
-            G = sparse.vstack([self.A[self.equal :], sparse.csr_array(self.q[None])]) @ units
-            H = sparse.csc_array(G.T @ G + _DAMPED * sparse.eye_array(len(self.q)))
-            to_unknowns = units @ linalg.splu(H).solve((E @ units).T.toarray())
-        square = sparse.csc_array(E @ to_unknowns)
+        square = sparse.csc_array(E @ E.T)
         largest = float(np.abs(square.diagonal()).max()) or 1.0  # loads of zero have the equation 0 = 0
-        return to_unknowns, linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
+        return linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
 
     def blocks(self, x: FloatArray) -> FloatArray:
         """(t, u) of all blocks (blocks, width)."""
@@ -349,42 +335,20 @@ class ConicProgram:
         The point is the convex combination with an inner point that is nearest to x, with at least the share `least`
         of it. Equations hold up to rounding. A violation is relative to the size of the point, or of x if smaller.
         """
-        x, inside = self.projected(x), self.projected(np.zeros_like(x))
-        is_inside, size = self.margins(inside).min(initial=1.0) > _ROOMY, self.size(x)
-        large = float(np.abs(self.q) @ np.abs(x)) or 1.0
-
-        def violation_of(y: FloatArray) -> float:
-            """The violation of a point, relative to the size of x."""
-            return float(-self.margins(y).min(initial=0.0)) * self.size(y) / size
-
-        def worse(y: FloatArray) -> tuple[bool, float]:
-            """Whether the violation is more than rounding; then the violation plus, for flows, the dissipation."""
-            violated = violation_of(y)
-            return violated > HELD, violated / HELD + float(self.q @ y) / large * self.dependent
-
-        violation = violation_of(x)
-        if self.dependent and violation > ROUNDING and not (is_inside and self._share(x, inside) < _LITTLE):
-            # solved again with room for the violation: inner flows may dissipate much more
-            with suppress(SolveError):  # the first point stays
-                answer = self.solve(room=_TIGHTER * violation * size)
-                x = min([x] if isinstance(answer, str) else [x, self.projected(answer.x)], key=worse)
-                violation = violation_of(x)
-        if least or violation > ROUNDING:
-            point, room = (inside, 1.0) if is_inside else self.room
+        x, E, e = self.projected(x), self.A[: self.equal], self.b[: self.equal]
+        size = self.size(x)
+        if least or self.margins(x).min(initial=0.0) < -ROUNDING:
+            inside = self.projected(np.zeros_like(x))
+            point, room = (inside, 1.0) if self.margins(inside).min(initial=1.0) > _ROOMY else self.room
             if room > 0.0:
-                combination = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
-                if least or worse(combination) < worse(x):  # rows without room do not improve
-                    x = combination
-        E, e = self.A[: self.equal], self.b[: self.equal]
+                margins, rooms = self.margins(x), self.margins(point)
+                is_outside = (margins < 0.0) & (rooms > _ROOM)  # rows that have room
+                lacking = -margins[is_outside] * max(1.0, size / self.size(point))
+                share = float((lacking / (rooms[is_outside] + lacking)).max(initial=0.0))
+                x = x + min(1.0, share * (1.0 + 1e-9) + least) * (point - x)
+        violation = -float(self.margins(x).min(initial=0.0)) * max(1.0, self.size(x) / size)
         equation_misfit = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
-        return x, float(max(violation_of(x), -self.margins(x).min(initial=0.0), equation_misfit.max(initial=0.0)))
-
-    def _share(self, x: FloatArray, inside: FloatArray) -> float:
-        """The least share of an inner point with which the combination keeps all rows that have room."""
-        margins, room = self.margins(x), self.margins(inside)
-        is_outside = (margins < 0.0) & (room > _ROOM)
-        violation = -margins[is_outside] * max(1.0, self.size(x) / self.size(inside))
-        return float((violation / (room[is_outside] + violation)).max(initial=0.0))
+        return x, float(max(violation, equation_misfit.max(initial=0.0)))
 
     @cached_property
     def room(self) -> tuple[FloatArray, float]:

@@ -55,6 +55,7 @@ class Flow:
     motion: BodyMotion | None = None  # the velocities; None if the bound is not finite
     # (r, 3) part of (tr ε, ε_xx − ε_yy, 2ε_xy) that each cone takes at its coefficient; lengths relative to the mesh's
     shares: FloatArray | None = None
+    missing: str = ""  # why no flow was found
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,11 +219,10 @@ class FlowProgram:
         # ∫ B_i of all coefficients of strain
         self._weights = np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
 
-    def solved(self, share: float = 0.0, *, known: bool = False, doubted: bool = False) -> Flow:
+    def solved(self, share: float = 0.0, *, doubted: bool = False) -> Flow:
         """The flow with the least bound found; `SolveError` if it breaks its conditions.
 
-        If a finite bound of rigid blocks is `known`, or that every multiple is carried, an infinite bound is returned
-        instead. A `doubted` bound counts only if `falls` finds no motion in which the other loads do positive work.
+        A `doubted` bound counts only if `falls` finds no motion in which the other loads do positive work.
 
         The flow moves a share of the way to a flow inside all limits, as far as they leave room. With a share of 0,
         strain of parts without tension that have no room is, by equations, across an edge.
@@ -269,8 +269,8 @@ class FlowProgram:
         is_kept = violation <= HELD and power > 0.0
         is_trusted = is_kept and full.q @ x >= 0.0 and not doubted
         is_beyond = not is_trusted and any(each.falls for each in (full, program))
-        if is_beyond or (known and not is_kept):
-            return Flow(-np.inf if is_beyond else np.inf)
+        if is_beyond:
+            return Flow(-np.inf)
         if not is_kept:
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "

@@ -212,24 +212,19 @@ class LimitProblem:
             cones = YieldCones.of(problem, self.low.space.element.traction_degree, above=True)
             yield FlowProgram(problem, self.names, cones, self.low.scales)
 
-    def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
-        """The flow with the least bound, and its program."""
+    def _flow(self) -> tuple[Flow, FlowProgram]:
+        """The flow with the least bound, and its program; an infinite bound with the reason if programs fail."""
         doubted = self.carried.factor == -np.inf  # the mesh carries no multiple, so perhaps no stress does
-        found, failure = list[tuple[Flow, FlowProgram]](), None
-        least, near = np.inf, self.flows[:-1]
+        found = list[tuple[Flow, FlowProgram]]()
         for program in self._programs():
             try:
-                flow = program.solved(known=known or least < np.inf or program in near, doubted=doubted)
+                found.append((program.solved(doubted=doubted), program))
             except SolveError as error:
-                failure = failure if program in near or least < np.inf else error
-                continue
-            found.append((flow, program))
-            least = min(least, flow.bound)
-            if least == -np.inf or (least < np.inf and program not in near):
+                found.append((Flow(np.inf, missing=str(error)), program))
+            least = min(flow.bound for flow, _ in found)
+            if least == -np.inf or (least < np.inf and program not in self.flows[:-1]):
                 break
-        if failure is not None and least == np.inf:
-            raise failure
-        return min(found, key=lambda each: each[0].bound)
+        return min(reversed(found), key=lambda each: each[0].bound)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
@@ -250,7 +245,7 @@ class LimitProblem:
         A side that is not found, in time or at all, is infinite; `SolveError` if neither is found.
         """
         low, (of_blocks, mechanism) = self.low, self.of_blocks
-        is_straight, collapse, flow, missing = not self.problem.mesh.curved.any(), None, Flow(np.inf), ""
+        is_straight, collapse, missing = not self.problem.mesh.curved.any(), None, ""
         try:
             carried = self.carried
         except SolveError:
@@ -260,13 +255,12 @@ class LimitProblem:
         if of_blocks == -np.inf or not self.problem.yields:
             lower = _checked(carried, of_blocks, is_straight)
             return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
-        try:
-            flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
-        except SolveError as error:
-            if carried.factor == -np.inf == -of_blocks:
-                raise
-            missing = str(error) if carried.factor < np.inf else ""  # else there is no other side
+        flow, program = self._flow()
         upper, by_blocks = min(flow.bound, of_blocks), of_blocks <= flow.bound
+        if carried.factor < np.inf and (upper == np.inf or deadline.over):  # else both sides are found
+            missing = flow.missing
+        if upper == np.inf == -carried.factor and missing:
+            raise SolveError(missing)
         if upper == np.inf > carried.factor > -np.inf:
             missing = missing or _NO_FLOW
         lower = _checked(carried, upper, is_straight)

@@ -28,7 +28,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import APART, HELD, LATE, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
+from qvi_contact.limit.conic import APART, HELD, LATE, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -328,9 +328,8 @@ class StressProgram:
     def carried(self, share: float = 0.0) -> Carried:
         """The largest factor, with stresses moved the given share of the way to a state inside all limits.
 
-        Where no body yields, the simplex method solves the program; for a share its answer is moved. The stresses of
-        bodies that yield are those of the program whose limits are reduced by 1e-8, if it has an answer, so that
-        rounding does not break limits.
+        Where no body yields, and no share is asked for, the simplex method solves the program. Else its limits are
+        reduced by 1e-8, so that rounding breaks none.
         """
         of_cones = self.low.problem.yields or share > 0.0
         solve = partial(self._within_limits, share=share) if of_cones else self._by_simplex
@@ -342,16 +341,13 @@ class StressProgram:
         Cones without room are replaced by faces that hold all stresses: first where a strength is 0, else if an answer
         is in doubt. Without room, limits that are 1e-13 wider may carry much more, or anything at all.
         """
-        full, known = self.program(signs), None
-        answers, failure = list[Carried](), SolveError(_AT_LIMIT)
-        with suppress(SolveError):
-            known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
+        full, answers, failure = self.program(signs), list[Carried](), SolveError(_AT_LIMIT)
         for on_faces in (False, True) if self.cones.limit.all() else (True, False):
             try:
                 program = full.on_faces(self.cones.rays) if on_faces else full
                 if program is None:
                     continue
-                found = self._of_program(program, share, None if on_faces else known)
+                found = self._of_program(program, share)
             except SolveError as error:  # the other answer stays valid
                 failure = error
                 continue
@@ -371,27 +367,18 @@ class StressProgram:
         trusted = [one for one in answers if one.violation <= ROUNDING and not one.factor == -np.inf < one.bound]
         return max(trusted or answers, key=lambda one: one.factor)
 
-    def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
-        """The first answer within the limits up to rounding: the known point, or the solver's; else the best answer."""
-        best, last, wider = Carried(-np.inf), REGULAR[::-1], -WIDER * program.size(0.0 * program.q)
-        for tighter, regular in ((None, REGULAR), (_TIGHTER, REGULAR), (0.0, REGULAR), (0.0, last)):
-            if np.isfinite(best.factor) and (regular is last or deadline.over):
-                break
-            answer = known if tighter is None else program.solve(regular, share=tighter)
-            if isinstance(answer, str) or answer is None:
-                if answer == UNBOUNDED:  # from a state within the limits; the load itself need not be within
-                    return self._without_room(program, share, wider, grows=True)
-                with suppress(SolveError):
-                    if answer == NO_ANSWER and tighter and program.solve(room=wider) == NO_ANSWER:
-                        return Carried(-np.inf, bound=-np.inf)
-                continue
-            x = answer.x if isinstance(answer, Answer) else answer
-            carried = self._held(program, *program.repaired(x, share))
-            carried = replace(carried, bound=-answer.least if isinstance(answer, Answer) else carried.factor)
-            if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
-                return carried
-            best = best if regular is last else max(best, carried, key=lambda one: one.factor)
-        return best if np.isfinite(best.factor) else self._without_room(program, share, wider)
+    def _of_program(self, program: ConicProgram, share: float) -> Carried:
+        """The solver's answer, corrected."""
+        answer = program.solve(share=_TIGHTER)
+        if answer == NO_ANSWER:  # also of limits that are wider by rounding
+            with suppress(SolveError):
+                if program.solve(room=-WIDER * program.size(0.0 * program.q)) == NO_ANSWER:
+                    return Carried(-np.inf, bound=-np.inf)
+        if isinstance(answer, Answer):
+            carried = self._held(program, *program.repaired(answer.x, share))
+            if np.isfinite(carried.factor):
+                return replace(carried, bound=-answer.least)
+        return self._without_room(program, share, grows=answer == UNBOUNDED)
 
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
         """The load factor of an answer x with its stresses; minus infinity if x breaks limits by more than `HELD`."""
@@ -404,27 +391,22 @@ class StressProgram:
         farthest = program.size(x) / (float(np.abs(program.A[:, [-1]].toarray()).max(initial=0.0)) or 1.0)
         return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress, farthest=farthest)
 
-    def _without_room(self, program: ConicProgram, share: float, wider: float, *, grows: bool = False) -> Carried:
+    def _without_room(self, program: ConicProgram, share: float, *, grows: bool) -> Carried:
         """The load itself, or infinity, where the solver gives up because stresses grow along the tips of cones.
 
-        Growth may begin at the least multiple that is carried. The solver may find limits without room infeasible: only
-        if wider limits have no answer either, no multiple is carried.
+        Growth needs a state within the limits: of the load itself, or of the least multiple that is carried. The last
+        resort is no load at all, which is carried where all loads are multiplied.
         """
-        with_unit_factor, least = program.up_to(1.0), replace(program, q=-program.q)
-        trials = [(with_unit_factor, 0.0), *[(least, 0.0)] * grows, (with_unit_factor, wider), (program, wider)]
-        carried = Carried(-np.inf)
-        for each, room in trials:
-            with suppress(SolveError):  # earlier answers stay valid
-                answer = each.solve(room=room)
-                if not isinstance(answer, str):
+        for each in (program.up_to(1.0), *[replace(program, q=-program.q)] * grows):
+            with suppress(SolveError):  # the next one may have an answer
+                answer = each.solve()
+                if isinstance(answer, Answer):
                     carried = self._held(program, *each.repaired(answer.x, share))
-                if np.isfinite(carried.factor) and not room and (grows or program.falls):
-                    return Carried(np.inf)
-            if np.isfinite(carried.factor):
-                break
-        if carried.factor == -np.inf and deadline.over:
+                    if np.isfinite(carried.factor):
+                        return Carried(np.inf) if grows or program.falls else carried
+        if deadline.over:
             raise SolveError(LATE)
-        return carried
+        return self._held(program, *program.repaired(np.zeros_like(program.q), share))
 
     def _with_signs(self, solve: Callable[[IntArray], Carried], lost: float) -> Carried:
         """The best answer over signs of bilateral pressure, at first those of programs without friction or its limit.

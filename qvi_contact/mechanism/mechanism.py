@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -46,6 +45,7 @@ _MOVES: Final = 1e-6
 
 _FARTHEST: Final = 1e5  # largest motion that does the work 1 with loads of size 1: for larger ones work is rounding
 _LEAST: Final = 1e-7  # work of loads of size 1 on motions of size 1, up to which it may be rounding
+_PRICE: Final = 1e-9  # price of slip over the size of loads: more than tolerances of the solver, less than `_CERTAIN`
 _ROUNDS: Final = 40  # largest number of linear programs with ever more places on lines with a cap
 _SETTLED: Final = 1e-13  # relative decrease of the optimum by more places, up to which it has settled
 
@@ -214,13 +214,18 @@ class Rigid:
         idle_work = self._row(idle, together) if together else None
 
         def optimum(program: _Program) -> tuple[FloatArray, float] | None:
-            """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (driving − resisting)/(driving + resisting) is largest."""
+            """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (driving − resisting)/(driving + resisting) is largest.
+
+            Slip has a price. If nothing resists, many motions prove it: one without slip shows that friction is not
+            the reason.
+            """
             cost, works, sizes = program.cost / unit, program.on_unknowns(loads), np.ones(len(loads))
+            price = _PRICE * program.slips
             rows: Any = [[program.rows, None], [works, -np.diag(sizes)], [-works, -np.diag(sizes)]]
             rows += [[cost[None], sizes[None]]]
             matrix = sparse.block_array(rows)
             limits = np.append(np.zeros(matrix.shape[0] - 1), 1.0)
-            return program.solved(np.append(cost - works.sum(axis=0), 0.0 * sizes), matrix, limits, idle_work)
+            return program.solved(np.append(cost + price - works.sum(axis=0), 0.0 * sizes), matrix, limits, idle_work)
 
         def proves(proof: Mechanism) -> bool:
             rounding = _CERTAIN * (proof.driving + proof.resisting) + _REACH * proof.violation * self._size(self.works)
@@ -232,15 +237,6 @@ class Rigid:
             motion = self.dearest(names, [])
         if motion is None or not proves(motion):
             return None
-        moved = motion.contacts.values()
-        if np.isinf(motion.overload) and any(each.slides for each in moved) and any(each.opens for each in moved):
-            # If nothing resists, many motions prove it. One without slip shows that friction is not the reason.
-            with suppress(SolveError):  # the first motion is a proof already
-                answer = optimum(_Program(self, self.lines, slipping=False))
-                if answer is not None and answer[0].any():
-                    tipped = self._mechanism(answer[0], names)
-                    if proves(tipped) and np.isinf(tipped.overload):
-                        return tipped
         return motion
 
     def dearest(self, names: Sequence[str], others: Sequence[str]) -> Mechanism | None:
@@ -315,36 +311,33 @@ class Rigid:
 class _Program:
     """The conditions of lines as rows ≤ 0 in x = (y, slips of each line) with v = Z y, and R as costs of x."""
 
-    def __init__(self, rigid: Rigid, chosen: Sequence[Line], *, slipping: bool = True) -> None:
-        self._basis, self._motions, self._slipping = rigid.free, rigid.free.shape[1], slipping
+    def __init__(self, rigid: Rigid, chosen: Sequence[Line]) -> None:
+        self._basis, self._motions = rigid.free, rigid.free.shape[1]
         costs, shared, own = [np.zeros(self._motions)], [sparse.csr_array((0, self._motions))], []
+        is_slip = [np.zeros(self._motions)]  # 1 for the slip s of each line
         for line in chosen:
             if not line.held:
                 on_y, on_slips, cost = self._conditions(line, rigid.bodies)
                 shared.append(sparse.csr_array(on_y))
                 own.append(on_slips)
                 costs.append(cost)
-        self.cost = np.concatenate(costs)
+                is_slip.append(np.eye(1, len(cost))[0])
+        self.cost, self.slips = np.concatenate(costs), np.concatenate(is_slip)
         self.rows = sparse.hstack([sparse.vstack(shared), sparse.block_diag([sparse.csr_array((0, 0)), *own])])
 
     def _conditions(self, line: Line, bodies: Bodies) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows of a line on y, rows on its slips (s, and a at places with a cap), and the costs of these slips."""
         opening = self._on_motions(line.opening(bodies)[: 0 if line.fixed else None])
-        work = line.shear_work()
-        if self._slipping and not (line.dilates or work > 0.0):
-            return -opening, np.zeros((len(opening), 0)), np.zeros(0)
         slips = self._on_motions(line.slips(bodies))
-        if not self._slipping:
-            rows = np.concatenate([slips, -slips, -opening])
-            return rows, np.zeros((len(rows), 0)), np.zeros(0)
         mu, limit = line.friction[: len(opening), None], -np.ones((2 * len(slips), 1))
         if not line.capped:
-            return np.concatenate([slips, -slips, -opening]), np.concatenate([limit, mu]), np.array([work])
+            costs = np.array([line.shear_work()])
+            return np.concatenate([slips, -slips, -opening]), np.concatenate([limit, mu]), costs
         # |[v]_T| ≤ s;  μ a ≤ w;  a ≤ s
         each, zero = np.eye(len(opening)), np.zeros((len(opening), 1))
         dilatant = np.block([[limit, np.zeros((len(limit), len(each)))], [zero, mu * each], [zero - 1.0, each]])
         on_y = np.concatenate([slips, -slips, -opening, 0.0 * opening])
-        return on_y, dilatant, np.append(work, -line.relief())
+        return on_y, dilatant, np.append(line.shear_work(), -line.relief())
 
     def _on_motions(self, rows: FloatArray) -> FloatArray:
         """Rows on motions v as rows on y; only the few nonzero columns are multiplied."""
