@@ -136,9 +136,7 @@ class ContactBounds:
         return best  # type: ignore[no-any-return]  # never empty
 
 
-def solve_pivoting(
-    qvi: FrictionQVI, tolerance: float, options: PivotingOptions, start: Start | None = None
-) -> Outcome:
+def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions, start: Start | None = None) -> Outcome:
     """The vertex at the end of the path from the state `start`, or from x = 0.
 
     If the path from the state ends in a ray, or its vertex is inaccurate, the path from x = 0 follows. An iteration is

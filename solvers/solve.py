@@ -189,8 +189,8 @@ ATTEMPTS: Final = (
     Way("fixed-point", (fixed_point,), _LARGEST_FIXED_POINT, "The fixed point"),
     Way("uzawa", (uzawa,)),
 )
-"""Methods in the order in which they are tried until a certificate passes. On up to `LARGEST` contact points pivoting is
-the first. If it fails there, only `attempts` shows it: messages do not mention it."""
+"""Methods in the order in which they are tried until a certificate passes. On up to `LARGEST` contact points pivoting
+is the first. If it fails there, only `attempts` shows it: messages do not mention it."""
 
 
 class Search:
