@@ -14,8 +14,8 @@ the measures are
     normal                      max (σ_N)⁺ / S, unilateral points
     friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
-                                over rows of A of |δν| B / E, Aᵀδν the part of ρ outside A z = 0, and of
-                                √(Σ r_i² / K_ii) / √(2 E_b),  r = ρ − K e − Aᵀδν  with e the computed K⁻¹ρ
+                                and √(Σ r_i² / K_ii) / √(2 E_b) of r = Aᵀδν, the part of ρ outside A z = 0, and of
+                                r = ρ − K e − Aᵀδν,  with e the computed K⁻¹ρ
     sign                        max of (−λ_N)⁺ / D, bilateral |λ_N| / D, and (−λ_T σ_T)⁺ / (S max(D, |λ|))
     complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 E / (S Σ W)
     complementarity_tangential  Σ | |m_T| thr − m_T σ_T | / E, slips |λ_T| counted up to 10 E / (S Σ W)
@@ -381,8 +381,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     residual = gradient + B.T @ np.concatenate([m_N, m_T]) + A.T @ nu
     error, delta_nu = qvi.linear_system.solve(residual)  # K⁻¹ρ and δν
     square, body_norm = float(residual @ error), sqrt(2.0 * E_b)
-    # Rows of A z = b over their scales B, and the work of δν on B.
-    equality = conjugate = 0.0
+    equality = 0.0  # rows of A z = b over their scales B
     if qvi.p:
         sizes = np.abs(qvi.b) + _TERMS_SHARE * (abs(A) @ np.abs(z))
         lengths = np.sqrt((A * A) @ (1.0 / qvi.stiffness.positive_diagonal))
@@ -390,15 +389,16 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
         rounding = _UNKNOWN_ROUNDING * (abs(A) @ np.full(qvi.n, largest(z)))
         violation = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
         equality = largest(violation / np.where(sizes > 0.0, sizes, 1.0))
-        conjugate = largest(delta_nu * sizes) / E
     # The error of z for its multipliers: in the energy norm, and in the contact tractions.
     energy = sqrt(abs(square)) / body_norm
     if qvi.root is not None and energy > _ROUNDING_FREE:
         scales["rounding"] = min(qvi.root.rounding(z) / body_norm, _ROUNDING_LIMIT)
         energy = max(energy - scales["rounding"], 0.0)
     error_tractions = B @ error
-    # The residual of the linear solve; this norm is below its energy norm times √(entries of a row).
-    unsolved = _diagonal_norm(qvi, residual - K @ error - A.T @ delta_nu) / body_norm
+    # The residual of the linear solve, and what it leaves to the equations; this norm is below the energy norm times
+    # √(entries of a row).
+    conjugate = A.T @ delta_nu
+    parts = [_diagonal_norm(qvi, part) / body_norm for part in (residual - K @ error - conjugate, conjugate)]
     # |ρ|² for max(m_N, 0) in place of m_N: the residual changes by Nᵀ(max(m_N, 0) − m_N).
     change = np.maximum(m_N, 0.0) - m_N
     if change.any():
@@ -408,7 +408,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     gap = law.work + 0.5 * abs(square)
     measures = {
         "equality": equality,
-        "stationarity": max(energy, largest(error_tractions) / S, conjugate, unsolved),
+        "stationarity": max(energy, largest(error_tractions) / S, *parts),
         "energy_gap": (abs(law.work) + 0.5 * abs(square)) / E_b,
         **law.measures,
     }
