@@ -67,7 +67,7 @@ class FullForm:
     rows: BoolVector  # (m,), points without friction
     equations: IntVector  # (k,) points whose rows of T, linearly independent, are the last k rows of A
     sizes: Vector  # (k,) lengths of these rows of T, which are scaled to length one in A
-    unit: float  # of z in inner problems, √(2 × bonded energy): tolerances of back ends are absolute
+    unit: float = 1.0  # of z in inner problems, √(2 × bonded energy): tolerances of back ends are absolute
     name: ClassVar[str] = "full"
 
     @classmethod

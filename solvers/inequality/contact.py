@@ -263,7 +263,7 @@ class EqualitySystem:
         """[S Qᵀ; Q 0] by Cholesky of S + ρ QᵀQ, which changes neither x nor ν if ρ Qᵀc is added to the right-hand side.
 
         The equations Q x = U c are those of A with orthonormal rows, by the singular values of rows of length one:
-        nearly dependent rows then cost no digits. Q, U, ρ, the Cholesky factor, relief = (S + ρ QᵀQ)⁻¹ Qᵀ, and Q relief.
+        nearly dependent rows then cost no digits. Q, U, ρ, the Cholesky factor, relief = (S + ρ QᵀQ)⁻¹ Qᵀ, Q relief.
         """
         S, rho = self.schur, 0.0
         lengths = np.linalg.norm(self.A, axis=1)[:, None]
