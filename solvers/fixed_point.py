@@ -330,9 +330,6 @@ class _Loop:
                 return
         if number - self.progress[1] < self.options.patience:
             return
-        if self._soften(residual):
-            self.progress = (residual, number)
-            return
         self.reason = Status.STALLED
         self.message = f"residual {self.best_residual:.1e} was not reduced in {self.options.patience} iterations"
         if self.best is not None and self.best_residual <= self.tolerance:  # smaller loads or steps would not help

@@ -83,9 +83,6 @@ def facts_of(qvi: FrictionQVI, settings: Settings) -> dict[str, object]:
 LEAST_SECONDS = 15.0
 """A fall-back method may take as long as the first method took, or this many seconds if that is more."""
 
-_LARGEST_BONDED_ERROR = 1e-4
-"""Relative error of the bonded solution, in the energy norm, above which the fixed point and Uzawa are not started."""
-
 _FAILURES = {
     "singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT,
     "backend": Status.BACKEND_FAILED,
@@ -145,29 +142,20 @@ def vertex(search: Search) -> Tries:
 def fixed_point(search: Search) -> Tries:
     """The fixed point, an outer iteration on the friction bound."""
     options, name = search.options(FixedPointOptions), check_name(search.inner)
-    outcome = _ill_conditioned(search.qvi) or solve_fixed_point(search.qvi, name, search.settings.tolerance, options)
+    outcome = solve_fixed_point(search.qvi, name, search.settings.tolerance, options)
     yield Attempt("fixed-point", "", outcome.reason, outcome.iterations), outcome
 
 
 def uzawa(search: Search) -> Tries:
     """The iteration of Więckowski 1992."""
     options = search.options(UzawaOptions)
-    outcome = _ill_conditioned(search.qvi) or solve_uzawa(search.qvi, search.settings.tolerance, options)
+    outcome = solve_uzawa(search.qvi, search.settings.tolerance, options)
     yield Attempt("uzawa", "", outcome.reason, outcome.iterations), outcome
-
-
-def _ill_conditioned(qvi: FrictionQVI) -> Outcome | None:
-    """The outcome "ill_conditioned" if the bonded solution is too inaccurate, else None."""
-    error = qvi.bonded_state.error
-    if error <= _LARGEST_BONDED_ERROR:
-        return None
-    message = f"the linear system is solved to {error:.0e} only, in the energy norm"
-    return Outcome.nothing(qvi, Status.ILL_CONDITIONED, message, hopeless=True)
 
 
 def _linear(qvi: FrictionQVI, method: str) -> Tries:
     """The bonded solution, for a problem whose tractions do not vary, as without contact points or unknowns."""
-    (z, nu, _), zero = qvi.bonded_state.corrected, np.zeros(qvi.m)
+    (z, nu), zero = qvi.bonded_state.corrected, np.zeros(qvi.m)
     proof = check_feasibility(qvi) if qvi.m else None  # the reason counts only if the certificate does not pass
     reason = Status.INFEASIBLE if proof is not None and proof.feasible is False else Status.STALLED
     outcome = Outcome(reason, z, zero, zero, nu, versions=versions(("scipy",)), feasibility=proof)
@@ -275,11 +263,9 @@ class Search:
         done = {each.name for each in self.attempts}
         later = [way for way in ATTEMPTS if way.method not in done and self.qvi.m <= way.most]
         limit = self._given.get("max_iterations")
-        is_spent, is_over = limit is not None and first.iterations >= limit, deadline.over
+        is_spent = limit is not None and first.iterations >= limit
         if is_spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
-        if is_over:
-            return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
         self.inner, last, subject = DEFAULT_INNER, first, ""

@@ -221,8 +221,8 @@ class BondedState:
         self._K, self.condensed, self._loads = K, condensed, loads
 
     @cached_property
-    def corrected(self) -> tuple[Vector, Vector, float]:
-        """The unknowns (n,), ν (p,) and the size of the last defect correction, see `CondensedContact.corrected`."""
+    def corrected(self) -> tuple[Vector, Vector]:
+        """The unknowns (n,) and ν (p,), with defect corrections."""
         loads = self._loads
         z, nu = self.condensed.system.solve(loads.f, loads.b)
         size = float(np.sqrt(abs(z @ loads.f - loads.b @ nu)))
@@ -235,10 +235,3 @@ class BondedState:
         energy = self._loads.state(self._K, z)[0]
         noise = 0.0 if root is None else _NOISE * root.rounding(z)
         return energy if energy > max(_CANCELLED * self._loads.at_rest, noise**2 / 2.0) else 0.0
-
-    @cached_property
-    def error(self) -> float:
-        """Size of the last defect correction over z, in the energy norm; 0 without a root."""
-        if self._loads.root is None or self.strain_energy == 0.0:
-            return 0.0
-        return self.corrected[2] / float(np.sqrt(2.0 * self.strain_energy))

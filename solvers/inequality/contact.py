@@ -132,15 +132,15 @@ class CondensedContact:
 
     def corrected(
         self, gradient: Callable[[Vector], Vector], b: Vector, z: Vector, nu: Vector, size: float
-    ) -> tuple[Vector, Vector, float]:
+    ) -> tuple[Vector, Vector]:
         """The z (n,) and ν (p,) with gradient(z) + Aᵀν = 0 and A z = b, from those of a solve by a step of this `size`.
 
         Defect corrections by the accurate gradient remove the rounding error of K. The first is always computed, as its
         size depends on the load. They end when the next one, predicted by linear convergence, is below
-        `_LEAST_CORRECTION`, or when one is not below half the one before, which is not added. The third value is the
-        size of the last one. Sizes are energy norms √(dzᵀK dz).
+        `_LEAST_CORRECTION`, or when one is not below half the one before, which is not added. Sizes are energy norms
+        √(dzᵀK dz).
         """
-        A, before, last = self.contact.A, size, size
+        A, before = self.contact.A, size
         for _ in range(_MOST_CORRECTIONS):
             residual, violation = gradient(z) + A.T @ nu, b - A @ z
             dz, dnu = self.system.solve(-residual, violation)
@@ -151,7 +151,7 @@ class CondensedContact:
             if last * last <= _LEAST_CORRECTION * size * before:
                 break
             before = last
-        return z, nu, last
+        return z, nu
 
     @cached_property
     def is_condensed(self) -> bool:
