@@ -63,7 +63,7 @@ from functools import cached_property, lru_cache
 from math import copysign, isfinite, sqrt
 from operator import itemgetter
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -167,17 +167,13 @@ MEASURES: Final = (
 _LARGEST_GAP = 10.0  # gaps and slips count up to this multiple of E / (S Σ W)
 
 
-class LawResiduals(NamedTuple):
-    """Residuals of the contact law."""
-
-    measures: dict[str, float]  # name → value ≥ 0
-    work: float  # Σ (thr |m_T| − m_T σ_T − max(m_N, 0) σ_N), a part of the primal less dual energy
-
-
 def law_residuals(
     qvi: FrictionQVI, tractions: Vector, m_N: Vector, m_T: Vector, scales: dict[str, float]
-) -> LawResiduals:
-    """All measures of the contact law of the QVI at tractions (2m,) with row multipliers m_N, m_T (m,)."""
+) -> tuple[dict[str, float], float]:
+    """All measures of the contact law of the QVI at tractions (2m,) with row multipliers m_N, m_T (m,).
+
+    The second value is Σ (thr |m_T| − m_T σ_T − max(m_N, 0) σ_N), a part of the primal less dual energy.
+    """
     S, D, E = scales["stress"], scales["displacement"], scales["energy"]
     sigma_N, sigma_T = tractions[: qvi.m], tractions[qvi.m :]
     law, W, is_unilateral = qvi.law, qvi.W, ~qvi.bilateral
@@ -201,7 +197,7 @@ def law_residuals(
         "complementarity_tangential": float(np.abs(limited_work_T).sum()) / E,
         "natural_map": max(most(natural_N), largest(natural_T)) / S,
     }
-    return LawResiduals(measures, float(work_T.sum() - np.maximum(limited_N, 0.0) @ sigma_N))
+    return measures, float(work_T.sum() - np.maximum(limited_N, 0.0) @ sigma_N)
 
 
 # The certificate.
@@ -380,13 +376,13 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     if change.any():
         relief = qvi.linear_system.relief(qvi.contact.N)(change)
         square += 2.0 * float(change @ error_tractions[: qvi.m]) + float(change @ relief)
-    law = law_residuals(qvi, tractions, m_N, m_T, scales)
-    gap = law.work + 0.5 * abs(square)
+    law_measures, work = law_residuals(qvi, tractions, m_N, m_T, scales)
+    gap = work + 0.5 * abs(square)
     measures = {
         "equality": equality,
         "stationarity": max(energy, largest(error_tractions) / S, *parts),
-        "energy_gap": (abs(law.work) + 0.5 * abs(square)) / E_b,
-        **law.measures,
+        "energy_gap": (abs(work) + 0.5 * abs(square)) / E_b,
+        **law_measures,
     }
     return measures, scales, {"energy_gap": copysign(measures["energy_gap"], gap)}
 
