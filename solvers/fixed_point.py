@@ -49,7 +49,7 @@ from solvers.solution import Iteration, Outcome
 #
 # In both forms points without friction have equations T z + t0 = 0. As inequalities |T z + t0| ≤ 0 they would have no
 # interior, and linearly dependent ones would contradict each other by rounding. At bilateral points the rows of N are
-# no constraints; they become 0 ≤ 1.
+# no constraints; they become 0 ≤ `unit`.
 
 CONDENSED_LIMIT = 2000
 """Rows of B, 2m, up to which "auto" condenses."""
@@ -67,18 +67,20 @@ class FullForm:
     rows: BoolVector  # (m,), points without friction
     equations: IntVector  # (k,) points whose rows of T, linearly independent, are the last k rows of A
     sizes: Vector  # (k,) lengths of these rows of T, which are scaled to length one in A
+    unit: float = 1.0  # of z in inner problems, √(2 × bonded energy): tolerances of back ends are absolute
     name: ClassVar[str] = "full"
 
     @classmethod
     def of(cls, qvi: FrictionQVI) -> "FullForm":
         """The full form of a problem, which is the problem itself if it has no such points."""
+        unit = float(2.0 ** np.round(np.log2(2.0 * qvi.bonded_state.strain_energy or 1.0) / 2.0))  # exact as a factor
         if qvi.bilateral.any():
             N = csc_array(diags_array(np.where(qvi.bilateral, 0.0, 1.0)) @ qvi.N)
             N.eliminate_zeros()
-            qvi = qvi.with_contact(N=N, traces=None).with_loads(n0=np.where(qvi.bilateral, -1.0, qvi.n0))
+            qvi = qvi.with_contact(N=N, traces=None).with_loads(n0=np.where(qvi.bilateral, -unit, qvi.n0))
         rows = qvi.frictionless
         if not rows.any():
-            return cls(qvi, rows, np.zeros(0, dtype=np.int64), np.zeros(0))
+            return cls(qvi, rows, np.zeros(0, dtype=np.int64), np.zeros(0), unit)
         equations = rows.nonzero()[0]
         equations = equations[basis(qvi.T[equations]).rows]
         chosen, has_friction = qvi.T[equations], np.where(rows, 0.0, 1.0)
@@ -87,11 +89,11 @@ class FullForm:
         contact = replace(qvi.contact, T=csc_array(diags_array(has_friction) @ qvi.T), A=A, traces=None)
         b = np.concatenate([qvi.b, -qvi.t0[equations] / sizes])
         problem = replace(qvi, contact=contact, loads=replace(qvi.loads, t0=has_friction * qvi.t0, b=b))
-        return cls(problem, rows, equations, sizes)
+        return cls(problem, rows, equations, sizes, unit)
 
     def threshold(self, threshold: Vector) -> Vector:
-        """The friction bound (m,) of the inner problem: 1, which is never reached, at points with an empty row."""
-        return np.where(self.rows, 1.0, threshold)
+        """The friction bound (m,) of the inner problem: any above 0, never reached, at points with an empty row."""
+        return np.where(self.rows, self.unit, threshold)
 
     def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:  # noqa: ARG002
         """The point about which the next inner problem is expanded: the last result, or the bonded solution."""
@@ -125,7 +127,7 @@ class CondensedForm:
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],
             T=csc_array(self._V[m:]), t0=bonded[m:], mu=qvi.mu, W=qvi.W, bilateral=qvi.bilateral,
         )  # fmt: skip
-        self.threshold = full.threshold
+        self.threshold, self.unit = full.threshold, full.unit
 
     def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:
         """The w of the last multipliers, with the tractions of the accurate z, so that errors of V decay."""
@@ -281,18 +283,24 @@ class _Loop:
         The status is "infeasible" only if that is proved. After a failed inner problem the proof, a linear program, is
         tried first: it takes a hundredth of the time.
         """
-        form, solver, bound = self.form, self.solver, np.minimum(bound, np.finfo(np.float64).max)
+        form, bound = self.form, np.minimum(bound, np.finfo(np.float64).max)
         threshold, centre = form.threshold(bound), form.centre(self.inner, self.previous)
+
+        def solved(centre: Centre, start: InnerSolution | None) -> InnerSolution:
+            factor = 1.0 / form.unit
+            start = None if start is None else start.times(factor)
+            return self.solver.solve(factor * threshold, centre.times(factor), start).times(form.unit)
+
         last_failed = bool(self.history) and self.history[-1].residual == np.inf
-        inner = None if last_failed else solver.solve(threshold, centre, self.inner)
+        inner = None if last_failed else solved(centre, self.inner)
         if inner is not None and (inner.status.usable or deadline.over):
             return inner
         qvi = self.qvi.with_bound(bound)
         if (proof := refuted(qvi, PROOF_SECONDS)) is not None:
             return no_result(form.problem, Status.INFEASIBLE, proof.message)
-        inner = inner or solver.solve(threshold, centre, self.inner)
+        inner = inner or solved(centre, self.inner)
         if not inner.status.usable and self.inner is not None and not deadline.over:
-            inner = solver.solve(threshold, form.centre(None, None), None)
+            inner = solved(form.centre(None, None), None)
         if inner.status is not Status.INFEASIBLE or deadline.over or check_feasibility(qvi).feasible is False:
             return inner
         return no_result(form.problem, Status.BACKEND_FAILED, f"{inner.message}; but nothing proves it")
@@ -321,9 +329,6 @@ class _Loop:
                     self.message = f"the pressure repeats itself every {length} iterations"
                 return
         if number - self.progress[1] < self.options.patience:
-            return
-        if self._soften(residual):
-            self.progress = (residual, number)
             return
         self.reason = Status.STALLED
         self.message = f"residual {self.best_residual:.1e} was not reduced in {self.options.patience} iterations"

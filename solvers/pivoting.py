@@ -14,14 +14,14 @@ A vertex is exact even if the admissible set has no interior, which an interior 
 without pressure, equilibrium alone excludes any pressure, or only one traction is admissible. The number of pivots of a
 dense table is about that of the points that slip or open. So pivoting comes first on small contacts (`LARGEST`), and
 starts from the state `initial` if it is given. With large friction the path may end in a ray although there is a
-solution. Other directions d are tried after the condensed method, on larger contacts too (`LARGEST_LATE`): for thin
-wedges that slip all over an interior point method loses its last digits.
+solution. On larger contacts, up to `LARGEST_LATE`, it follows a condensed method that failed: for thin wedges that slip
+all over an interior point method loses its last digits.
 
 | stops when                                            | status before the certificate |
 |-------------------------------------------------------|-------------------------------|
 | the certificate passes                                | solved                        |
-| all directions end in rays, or certificates fail      | stalled                       |
-| `max_iterations` vertices are found along a direction | max_iterations                |
+| the path ends in a ray, or the certificate fails      | stalled                       |
+| `max_iterations` vertices are found                   | max_iterations                |
 | the time is over                                      | time_limit                    |
 """
 
@@ -49,9 +49,6 @@ LARGEST: Final = 200
 
 LARGEST_LATE: Final = 800
 """Contact points up to which pivoting follows a condensed method that failed; it then takes some seconds."""
-
-DIRECTIONS: Final = 4
-"""Number of directions d."""
 
 _MOST_GUESSES = 6  # guesses of the signs of σ_N at bilateral points
 _MOST_CORRECTIONS = 4  # corrections of a vertex
@@ -139,18 +136,11 @@ class ContactBounds:
         return best  # type: ignore[no-any-return]  # never empty
 
 
-def affordable(qvi: FrictionQVI, most: int = LARGEST) -> bool:
-    """Whether the contact is small enough."""
-    return 0 < qvi.m <= most and qvi.n > 0
+def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions, start: Start | None = None) -> Outcome:
+    """The vertex at the end of the path from the state `start`, or from x = 0.
 
-
-def solve_pivoting(
-    qvi: FrictionQVI, tolerance: float, options: PivotingOptions, direction: int = 0, start: Start | None = None
-) -> Outcome:
-    """The vertex at the end of the path in one direction d, from the state `start`, or from x = 0.
-
-    Direction 0 has equal entries, the others are random. If the path from the state ends in a ray, or its vertex is
-    inaccurate, the path from x = 0 follows. An iteration is a vertex for guessed signs; inner iterations are pivots.
+    If the path from the state ends in a ray, or its vertex is inaccurate, the path from x = 0 follows. An iteration is
+    a vertex for guessed signs; inner iterations are pivots.
     """
     began = time.perf_counter()
     compliance, law, history, found = Compliance(qvi), qvi.law, list[Iteration](), None
@@ -160,8 +150,7 @@ def solve_pivoting(
     signs = np.where(is_guessed & (started[: qvi.m] > 0.0), 1.0, -1.0)
     for _ in range(_MOST_GUESSES):
         bounds = ContactBounds(qvi, compliance, signs)
-        n = len(bounds.q)
-        d = 0.2 + np.random.default_rng(direction).random(n) if direction else np.ones(n)
+        d = np.ones(len(bounds.q))
         for active in (None,) if start is None else (bounds.active(started, start.multipliers), None):
             vertex = solve_lcp(bounds.M, bounds.q, d, active)
             end = bounds.corrected(compliance, vertex, tolerance) if vertex.reason is Status.SOLVED else None

@@ -157,9 +157,9 @@ class Settings:
     "condensed" solves the inequality directly, by an interior point method on the unknowns of the contact.
     "fixed-point" iterates on the friction bound, with convex inner problems. "pivoting" goes from vertex to vertex, for
     small contacts. "uzawa" is the paper's iteration (4.1)-(4.4). By default contacts of up to 200 points are solved by
-    "pivoting", larger ones, and those where it fails, by "condensed". If that fails too, "pivoting" along other paths
-    and "fixed-point" follow if the contact is small enough for them. Each may take as long as the condensed method, or
-    15 seconds if that is more. An inner solver, or options that only one method has, choose that method.
+    "pivoting", larger ones, and those where it fails, by "condensed". If that fails too, "pivoting" follows on 201 to
+    800 points, and "fixed-point" on up to 250. Each may take as long as the condensed method, or 15 seconds if that is
+    more. An inner solver, or options that only one method has, choose that method.
 
     Inner solvers are "qp:" and a name of qpsolvers, "direct:clarabel", or "socp:" and a name of cvxpy;
     `solvers.available()` lists the installed ones. Factorisations are "pardiso", "multifrontal" and "dense"; "auto"

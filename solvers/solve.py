@@ -6,7 +6,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from itertools import chain, islice
+from itertools import chain
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,14 +17,13 @@ from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
 from solvers.certificate.feasibility import PROOF_SECONDS, check_feasibility, refuted
 from solvers.condensed.method import EXACT, LAST, CondensedRun
-from solvers.condensed.systems import FITTING_PATH, NEAR_BONDED_PATH
 from solvers.errors import InputError, SolveError
 from solvers.factorisation.base import FactorisationError
 from solvers.fixed_point import initial_pressure, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest
 from solvers.inner.registry import check_name, versions
-from solvers.pivoting import DIRECTIONS, LARGEST_LATE, affordable, solve_pivoting
+from solvers.pivoting import LARGEST, LARGEST_LATE, solve_pivoting
 from solvers.settings import (
     DEFAULT_INNER,
     STARTED,
@@ -84,9 +83,6 @@ def facts_of(qvi: FrictionQVI, settings: Settings) -> dict[str, object]:
 LEAST_SECONDS = 15.0
 """A fall-back method may take as long as the first method took, or this many seconds if that is more."""
 
-_LARGEST_BONDED_ERROR = 1e-4
-"""Relative error of the bonded solution, in the energy norm, above which the fixed point and Uzawa are not started."""
-
 _FAILURES = {
     "singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT,
     "backend": Status.BACKEND_FAILED,
@@ -115,77 +111,51 @@ def usual_start(search: Search) -> Tries:
 def other_paths(search: Search) -> Tries:
     """The condensed method along other central paths, that is, with other path weights of the friction bounds.
 
-    If the run began near a given state, the first path is the usual one. If the slacks did not fit their tractions, the
-    weights with which they fit most easily come first. If the run stalled, a start near the bonded solution comes
-    first: on strongly graded meshes large multipliers at the start bend the path. If the run reached its gap and only
-    the forces are inexact, smaller weights follow: the two friction multipliers of an open point are proportional to
-    the weight, and their difference loses as many digits. No other path is tried if a quick proof finds that the load
-    cannot be carried.
+    If the run began near a given state, the first path is the usual one. No other path is tried if a quick proof finds
+    that the load cannot be carried.
     """
     first, best = search.run, search.best
     if first is None or best is None or first.reason in LAST:
         return
-    is_inexact = first.reason is Status.SOLVED and first.residual() > EXACT
-    if first.reason is Status.SOLVED and not is_inexact:
+    if first.reason is Status.SOLVED and first.residual() <= EXACT:
         return
     best.feasibility = refuted(search.qvi, PROOF_SECONDS)
     if best.feasibility is not None:
         return
-    paths = first.space.paths
-    others = [path for path in paths[1:] if path.late < paths[0].late or not is_inexact]
-    for reason, path in ((Status.INNER_INFEASIBLE, FITTING_PATH), (Status.STALLED, NEAR_BONDED_PATH)):
-        if first.reason is reason and path not in paths:
-            others.insert(0, path)
-    if search.qvi.frictionless.all():  # the weights of friction bounds change nothing
-        others = [path for path in others if path.start != paths[0].start]
-    for path in [paths[0], *others] if first.is_warm else others:
+    for path in first.space.paths[0 if first.is_warm else 1 :]:
         before = search.run or first
-        run = search.run = before.again(path, turned=path != paths[0] and not is_inexact)
+        run = search.run = before.again(path)
         run.iterate()
-        near = ", near the bonded state" if path.start < paths[0].start else ""
-        name = f"condensed, path weights {path.early:g}, then {path.late:g}{near}"
+        name = f"condensed, path weights {path.early:g}, then {path.late:g}, start {path.start:g}"
         yield run.attempt(name, f"the start before ended {before.reason.words}"), run.outcome()
-        if run.reason in LAST or (run.reason is Status.SOLVED and not is_inexact):
+        if run.reason in LAST:
             return
 
 
-def vertices(search: Search) -> Tries:
-    """Pivoting along each direction d that was not tried yet, along the first one from the state `initial`."""
-    tolerance, options = search.settings.tolerance, search.options(PivotingOptions)
-    is_near = search.start is not None and search.start.fits(search.qvi)
-    for direction in range(sum(each.name == "pivoting" for each in search.attempts), DIRECTIONS):
-        start = search.start if is_near and not direction else None
-        outcome = solve_pivoting(search.qvi, tolerance, options, direction, start)
-        name = f"pivoting, direction {direction + 1}" if direction else "pivoting"
-        yield Attempt(name, "", outcome.reason, outcome.iterations), outcome
+def vertex(search: Search) -> Tries:
+    """Pivoting, from the state `initial` if it has the sizes of the problem."""
+    start = search.start if search.start is not None and search.start.fits(search.qvi) else None
+    outcome = solve_pivoting(search.qvi, search.settings.tolerance, search.options(PivotingOptions), start)
+    yield Attempt("pivoting", "", outcome.reason, outcome.iterations), outcome
 
 
 def fixed_point(search: Search) -> Tries:
     """The fixed point, an outer iteration on the friction bound."""
     options, name = search.options(FixedPointOptions), check_name(search.inner)
-    outcome = _ill_conditioned(search.qvi) or solve_fixed_point(search.qvi, name, search.settings.tolerance, options)
+    outcome = solve_fixed_point(search.qvi, name, search.settings.tolerance, options)
     yield Attempt("fixed-point", "", outcome.reason, outcome.iterations), outcome
 
 
 def uzawa(search: Search) -> Tries:
     """The iteration of Więckowski 1992."""
     options = search.options(UzawaOptions)
-    outcome = _ill_conditioned(search.qvi) or solve_uzawa(search.qvi, search.settings.tolerance, options)
+    outcome = solve_uzawa(search.qvi, search.settings.tolerance, options)
     yield Attempt("uzawa", "", outcome.reason, outcome.iterations), outcome
-
-
-def _ill_conditioned(qvi: FrictionQVI) -> Outcome | None:
-    """The outcome "ill_conditioned" if the bonded solution is too inaccurate, else None."""
-    error = qvi.bonded_state.error
-    if error <= _LARGEST_BONDED_ERROR:
-        return None
-    message = f"the linear system is solved to {error:.0e} only, in the energy norm"
-    return Outcome.nothing(qvi, Status.ILL_CONDITIONED, message, hopeless=True)
 
 
 def _linear(qvi: FrictionQVI, method: str) -> Tries:
     """The bonded solution, for a problem whose tractions do not vary, as without contact points or unknowns."""
-    (z, nu, _), zero = qvi.bonded_state.corrected, np.zeros(qvi.m)
+    (z, nu), zero = qvi.bonded_state.corrected, np.zeros(qvi.m)
     proof = check_feasibility(qvi) if qvi.m else None  # the reason counts only if the certificate does not pass
     reason = Status.INFEASIBLE if proof is not None and proof.feasible is False else Status.STALLED
     outcome = Outcome(reason, z, zero, zero, nu, versions=versions(("scipy",)), feasibility=proof)
@@ -193,24 +163,22 @@ def _linear(qvi: FrictionQVI, method: str) -> Tries:
 
 
 class Way(NamedTuple):
-    """An entry of `ATTEMPTS`: generators of attempts of one method."""
+    """A method: generators of attempts, which yield them one by one until one is certified."""
 
-    method: str  # if the user asks for a method, only its entries are used
-    tries: tuple[Callable[[Search], Tries], ...]  # each yields attempts, one by one, until one is certified
+    method: str
+    tries: tuple[Callable[[Search], Tries], ...]
+    most: float = 0  # contact points up to which it is tried if the user chose no method
     subject: str = ""  # the method as the subject of a sentence in the message
-    # whether a problem is suitable, asked only if the user chose no method
-    serves: Callable[[FrictionQVI], bool] = lambda _: True
 
 
 ATTEMPTS: Final = (
-    Way("pivoting", (lambda search: islice(vertices(search), 1),), serves=affordable),  # along the first direction
-    Way("condensed", (usual_start, other_paths)),
-    Way("pivoting", (vertices,), "Pivoting", lambda qvi: affordable(qvi, LARGEST_LATE)),
-    Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: qvi.m <= _LARGEST_FIXED_POINT),
-    Way("uzawa", (uzawa,), serves=lambda _: False),
+    Way("condensed", (usual_start, other_paths), np.inf),
+    Way("pivoting", (vertex,), LARGEST_LATE, "Pivoting"),
+    Way("fixed-point", (fixed_point,), _LARGEST_FIXED_POINT, "The fixed point"),
+    Way("uzawa", (uzawa,)),
 )
-"""Methods in the order in which they are tried until a certificate passes. If the first entry fails, only `attempts`
-shows it: messages do not mention it."""
+"""Methods in the order in which they are tried until a certificate passes. On up to `LARGEST` contact points pivoting
+is the first. If it fails there, only `attempts` shows it: messages do not mention it."""
 
 
 class Search:
@@ -241,15 +209,15 @@ class Search:
         """Options of the current method, made of the given ones that it has; no integers of NumPy: these overflow."""
         return kind(**{name: value for name, value in self._given.items() if name in kind.__dataclass_fields__})
 
-    def try_ways(self, *ways: Way, why: str = "") -> bool:
-        """Run entries of one method until an outcome passes; whether one did. A failed factorisation is an outcome."""
-        qvi, tolerance, method = self.qvi, self.settings.tolerance, ways[0].method
+    def try_way(self, way: Way, why: str = "") -> bool:
+        """Run attempts of a method until an outcome passes; whether one did. A failed factorisation is an outcome."""
+        qvi, tolerance, method = self.qvi, self.settings.tolerance, way.method
         report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
         best, certificate = None, None
         tries: Tries = _linear(qvi, method) if qvi.is_fixed else iter(())
         if qvi.m and qvi.n:
-            tries = chain(tries, chain.from_iterable(tried(self) for way in ways for tried in way.tries))
+            tries = chain(tries, chain.from_iterable(tried(self) for tried in way.tries))
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # divergence becomes a status
                 for attempt, outcome in tries:
@@ -292,13 +260,12 @@ class Search:
 
         Each method may take as long as the first one took, see `LEAST_SECONDS`.
         """
-        later = [way for way in ATTEMPTS[1:] if way.method != first.method and way.serves(self.qvi)]
+        done = {each.name for each in self.attempts}
+        later = [way for way in ATTEMPTS if way.method not in done and self.qvi.m <= way.most]
         limit = self._given.get("max_iterations")
-        is_spent, is_over = limit is not None and first.iterations >= limit, deadline.over
+        is_spent = limit is not None and first.iterations >= limit
         if is_spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
-        if is_over:
-            return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
         self.inner, last, subject = DEFAULT_INNER, first, ""
@@ -308,7 +275,7 @@ class Search:
                 self._given["max_iterations"] = limit - first.iterations
             report(Progress(way.method, remark=tried))
             with deadline(seconds):
-                self.try_ways(way, why=tried)
+                self.try_way(way, why=tried)
                 last, subject = self.solution(), way.subject
             if last.solved:
                 break
@@ -335,11 +302,11 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
             callback(progress.iteration)
 
     with qvi.stiffness.using(settings.factorisation, settings.threads), listening(hear) if callback else nullcontext():
-        search = Search(qvi, settings, initial)
-        first, is_free = ATTEMPTS[0], settings.by_default and not settings.options.keys() - {"max_iterations"}
-        if is_free and first.serves(qvi) and search.try_ways(first):
+        search, ways = Search(qvi, settings, initial), {way.method: way for way in ATTEMPTS}
+        is_free = settings.by_default and not settings.options.keys() - {"max_iterations"}
+        if is_free and qvi.n and 0 < qvi.m <= LARGEST and search.try_way(ways["pivoting"]):
             return search.solution()
-        search.try_ways(*(way for way in ATTEMPTS if way.method == settings.chosen))
+        search.try_way(ways[settings.chosen])
         return search.fallen_back(search.solution()) if settings.by_default else search.solution()
 
 

@@ -80,7 +80,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     solution, seconds = timed((case["problem"], case["cells"], case["friction"]), **LOOPS[case["loop"]])
     return {
         **ending(solution), "seconds": seconds,
-        **({"sharper": uniqueness_bound(solution.problem).sharper} if case["loop"] == PLAIN else {}),
+        **({"sharper": uniqueness_bound(solution.problem).bound} if case["loop"] == PLAIN else {}),
     }  # fmt: skip
 
 

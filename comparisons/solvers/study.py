@@ -138,7 +138,7 @@ def instance(name: str) -> Instance:
 
 
 def _algebra(problem: ContactProblem) -> FrictionQVI:
-    return discretize(problem, law_on="points").rescaled().qvi
+    return discretize(problem, law_on="points").qvi
 
 
 def _plate(cells: int, friction: float = 0.2, grading: float = 1.0) -> Callable[[], FrictionQVI]:

@@ -35,7 +35,7 @@ from qvi_contact.discretization.loads import (
     traction_data,
 )
 from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
-from qvi_contact.discretization.scaling import Scales, held_stress
+from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, LawOn, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import HIGHEST, LOWEST
@@ -47,10 +47,7 @@ from solvers.basics.types import Kept, PicklesFields, read_only
 from solvers.inequality.rows import are_few
 
 _DEGREE: Final = 4  # default degree of the Airy function
-_TOO_SMALL = 1e-2  # mean stress over the unit of stress, below which the unit is changed
-_NOISE = 1e-12  # mean stress over the unit of stress, below which it is rounding
 _MISFIT = 1e-6  # dimensionless difference of given data from their approximation, above which a remark is made
-_UNRELIABLE = 1e-4  # relative error of the linear solve, above which the unit is kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,22 +177,6 @@ class Discretization(WithFields, PicklesFields):
         vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes share one cache of matrices
         discretization = _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
         return replace(discretization, later=slip is not None)
-
-    def rescaled(self) -> Discretization:
-        """The same problem, with the mean stress of the bonded state as unit if the present unit is far too large.
-
-        In the bonded state contacts neither open nor slip. `Scales` cannot foresee every load, such as an obstacle that
-        drags the body along by friction. QP solvers would not resolve stresses far below the unit. Initial strains that
-        are held have no strain energy: the unit is at least their stress.
-        """
-        bonded = self.qvi.bonded_state
-        if not bonded.rough_stress < _TOO_SMALL or bonded.error > _UNRELIABLE:
-            return self
-        mean = max(bonded.rough_stress, held_stress(self.problem) / self.scales.stress)
-        if not _NOISE < mean < _TOO_SMALL:
-            return self
-        scales = replace(self.scales, stress=self.scales.stress * mean)
-        return _discretized(self.problem, self.space, self.rule, scales)
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""

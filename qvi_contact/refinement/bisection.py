@@ -20,6 +20,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, whole_number
 from qvi_contact.basics.schema import WithFields
 from qvi_contact.bracket import Bounds
+from qvi_contact.discretization.discretization import discretize
 from qvi_contact.element.edge import gauss_legendre
 from qvi_contact.element.hsieh_clough_tocher import LOWEST
 from qvi_contact.errors import InputError, QVIError
@@ -35,7 +36,8 @@ from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History, solve_history
 from qvi_contact.solution.remarks import stopped_plates
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.solver import discretized, solve
+from qvi_contact.solution.settings import Settings as SolveSettings
+from qvi_contact.solution.solver import solve
 from qvi_contact.solution.stress import loads_followed
 from qvi_contact.units import Certainty
 from solvers import Status
@@ -290,7 +292,7 @@ class TriangleRefinement:
         """The result with a degree; `StopError` if it needs more unknowns than `most`."""
         options: dict[str, Any] = {**self.settings.options, "degree": degree}
         steps = [each if each.mesh is mesh else replace(each, mesh=mesh) for each in self.steps]
-        discretization = discretized(steps[0], **options)
+        discretization = discretize(steps[0], degree=degree, law_on=SolveSettings.of(None, options).law)
         if discretization.qvi.n > most:
             raise StopError(RefinementStatus.UNKNOWNS, f"a mesh of {discretization.qvi.n} unknowns is needed")
         if len(steps) > 1:

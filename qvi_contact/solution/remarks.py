@@ -32,7 +32,7 @@ _STOPPED: Final = 1e-3  # motion of a plate beyond a support over the unit of di
 _ROUNDED: Final = 1e-6  # rounding of stresses over the certificate's unit of stress, above which a remark is made
 _FAR: Final = 1e4  # gaps over displacements, above which rounding of gaps explains an inaccurate result
 _LARGE_STRAIN: Final = 0.05  # strain above which the theory of small strains is a first guess
-_LARGE_FRICTION: Final = 1.0  # friction above which a remark is made; several solutions are known from 2 on
+_LARGE_FRICTION: Final = 1.0  # friction from which on a remark is made, as several solutions are known
 _EXCESS: Final = 1e-2  # excess of friction between points over the contact's largest traction, allowed without remark
 _EDGES_IN_CONTACT: Final = 4  # least number of edges that resolve a contact zone on an arc
 _FLAT: Final = 1e-6  # distance of gaps from a linear function over the largest, above which an obstacle is curved
@@ -101,13 +101,13 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             "this answer is a first guess. If you expected less, check the units of moduli, loads and lengths."
         )
     friction = float(qvi.mu[qvi.law.moving].max(initial=0.0))
-    large = friction > _LARGE_FRICTION and result.status is Status.SOLVED and not result.solution.remarks
+    large = friction >= _LARGE_FRICTION and result.status is Status.SOLVED and not result.solution.remarks
     unique = False  # friction below the bound that proves uniqueness, on usual meshes 0.01 to 0.1
     with suppress(FactorisationError, ValueError):  # dense algebra raises ValueError after an overflow
         unique = large and result.solution.uniqueness.satisfied
     if large and not unique:
         yield (
-            f"Friction is {friction:.3g}. Above {_LARGE_FRICTION:g} the discrete problem may have several solutions. "
+            f"Friction is {friction:.3g}. From {_LARGE_FRICTION:g} on the discrete problem may have several solutions. "
             "This is one of them. To look for others, call other_solutions(result) in Python."
         )
     yield from (motion.remark for motion in undetermined_motions(result))

@@ -32,16 +32,14 @@ from qvi_contact.solution.settings import Settings, pressures
 from solvers import QVISolution, Status
 from solvers.basics.progress import Log, Progress, deadline, report
 from solvers.errors import counted
-from solvers.factorisation.base import FactorisationError
 from solvers.solution import Attempt, Start
 from solvers.solve import facts_of
 from solvers.solve import solved as solve_checked
 
 _MANY_CELLS = 20_000  # number of cells from which on discretising takes seconds and is reported
 _LINEAR = 2  # number of coefficients of a linear function on an edge
-UNITS: Final = Attempt("units", "stresses are far below the unit that the loads suggest", Status.STALLED, 0)
 FAR_OBSTACLES: Final = Attempt("far obstacles", "the body presses on one that was taken to be nearer", Status.SOLVED, 0)
-"""Changes of the problem, tried in this order, with the reason why the solve before is not taken."""
+"""A change of the problem, with the reason why the solve before is not taken."""
 
 _EXCEEDED: Final = 1e-7  # excess of friction between points over the unit of stress, above the tolerance of solves
 
@@ -92,12 +90,10 @@ def solved(
         if isinstance(problem, ContactProblem):
             if problem.mesh.cell_count >= _MANY_CELLS:
                 report(Progress("mesh", stage=f"discretising {problem.mesh.cell_count} cells"))
-            discretization = discretize(problem, degree=settings.degree, law_on=settings.law)
+            current = discretize(problem, degree=settings.degree, law_on=settings.law)
         else:
-            discretization = problem
-        with discretization.qvi.stiffness.using(settings.factorisation, settings.threads):  # once for all solves
-            current = rescaled(discretization, settings) if discretization is not problem else discretization
-            attempts: tuple[Attempt, ...] = () if current is discretization else (UNITS,)
+            current = problem
+        with current.qvi.stiffness.using(settings.factorisation, settings.threads):  # once for all solves
             space, rule = current.space, current.rule
             if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
                 remedy = (
@@ -110,24 +106,15 @@ def solved(
             initial = settings.initial if before is None else before
             start = None if initial is None else _initial(initial, current)
             solution = solve_checked(current.qvi, settings, start)
-            attempts += solution.attempts
             if _reached(current, solution):
-                current = current.with_far_obstacles()
+                attempts, current = (*solution.attempts, FAR_OBSTACLES), current.with_far_obstacles()
                 solution = solve_checked(current.qvi, settings, start)
-                attempts += (FAR_OBSTACLES, *solution.attempts)
-        if len(attempts) > len(solution.attempts):
-            solution = replace(solution, attempts=attempts)
+                solution = replace(solution, attempts=(*attempts, *solution.attempts))
         result = _with_proof(ContactResult(current, solution))
         log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if settings.throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
     return result
-
-
-def discretized(problem: ContactProblem, settings: Settings | None = None, **changes: Any) -> Discretization:
-    """The discretisation in rescaled units that `solve` would make with these settings; `solve` accepts it."""
-    settings = Settings.of(settings, changes)
-    return rescaled(discretize(problem, degree=settings.degree, law_on=settings.law), settings)
 
 
 def _reached(discretization: Discretization, solution: QVISolution) -> bool:
@@ -138,15 +125,6 @@ def _reached(discretization: Discretization, solution: QVISolution) -> bool:
         return False
     pressure = -solution.problem.normal(solution.z)[is_moved]
     return bool(pressure.max() > certificate.tolerance * certificate.scales["stress"])
-
-
-def rescaled(discretization: Discretization, settings: Settings) -> Discretization:
-    """`Discretization.rescaled`; unchanged if K cannot be factorised, which the solve itself reports."""
-    with discretization.qvi.stiffness.using(settings.factorisation, settings.threads):
-        try:
-            return discretization.rescaled()
-        except FactorisationError:
-            return discretization
 
 
 def _initial(initial: object, discretization: Discretization) -> Start | FloatArray:

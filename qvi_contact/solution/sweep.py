@@ -26,7 +26,7 @@ from qvi_contact import __version__
 from qvi_contact.basics.checks import function_or_none, instance_of, names_among, one_of, real_array, true_or_false
 from qvi_contact.basics.schema import LARGEST, WithFields
 from qvi_contact.basics.writing import given_path
-from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.conditions import Contact
@@ -36,7 +36,7 @@ from qvi_contact.runs.database import Database
 from qvi_contact.runs.processes import Limits, NotLoadedError, Workers
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import PARAMETERS, Parameter, Settings
-from qvi_contact.solution.solver import discretized, rescaled, solved
+from qvi_contact.solution.solver import solved
 from qvi_contact.units import Units
 from solvers import Status
 from solvers.basics.progress import Log, deadline
@@ -341,11 +341,11 @@ class SweepTask:
                 return
             began, problem = time.perf_counter(), self.changed(value)
             if self._before is None or laws_vary(problem) != laws_vary(self._before.problem):  # another default rule
-                self._before = discretized(problem, self.settings)
+                self._before = discretize(problem, degree=self.settings.degree, law_on=self.settings.law)
             elif self.parameter == "friction":
                 self._before = self._before.with_law(problem)
             else:
-                self._before = rescaled(self._before.with_data(problem), self.settings)
+                self._before = self._before.with_data(problem)
             result = solved(self._before, self.settings, self._state if self.warm else None)
             if result.status is Status.SOLVED:
                 self._state = result

@@ -14,16 +14,14 @@ the measures are
     normal                      max (σ_N)⁺ / S, unilateral points
     friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
-                                over rows of A of |δν| B / E, Aᵀδν the part of ρ outside A z = 0, and of
-                                √(Σ r_i² / K_ii) / √(2 E_b),  r = ρ − K e − Aᵀδν  with e the computed K⁻¹ρ
+                                and √(Σ r_i² / K_ii) / √(2 E_b) of r = Aᵀδν, the part of ρ outside A z = 0, and of
+                                r = ρ − K e − Aᵀδν,  with e the computed K⁻¹ρ
     sign                        max of (−λ_N)⁺ / D, bilateral |λ_N| / D, and (−λ_T σ_T)⁺ / (S max(D, |λ|))
     complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 E / (S Σ W)
     complementarity_tangential  Σ | |m_T| thr − m_T σ_T | / E, slips |λ_T| counted up to 10 E / (S Σ W)
     energy_gap                  |primal − dual energy| / E_b for the bound s = |σ_N|
     natural_map                 max of |σ_N − min(σ_N + k λ_N, 0)| / S, bilateral k |λ_N| / S,  and
                                        |σ_T − clip(σ_T + k λ_T, −thr, thr)| / S
-    alart_curnier               as natural_map, over 1 + mu, with thr = thr(|min(σ_N + k λ_N, 0)|)
-    bipotential                 |Σ (thr |m_T| − m_T σ_T − m_N σ_N)| / E, gaps and slips counted up to that limit
 
 `law_residuals` has the formulas of the contact law, `MEASURES` the meaning of each measure and when to worry.
 
@@ -50,9 +48,9 @@ that is a factorisation of this K. K⁻¹ρ is the error of z for the given mult
 `FrictionQVI.gradient`, which includes the rounding inside K if the problem has an `EnergyRoot`.
 
 **Limits.** At a point that touches without pressure, a product σ_N λ_N of size ε allows |σ_N| and λ_N of size √ε each.
-The natural map, and that of Alart and Curnier, measure their minimum, so their limit is looser: 10 tolerance^(3/4). The
-bipotential adds both complementarities: 2 tolerance. All other limits are the tolerance. Except for unloaded states all
-measures are invariant to the units of stress, displacement and length, and to a change of the unknowns from z to c z.
+The natural map measures their minimum, so its limit is looser: 10 tolerance^(3/4). All other limits are the tolerance.
+Except for unloaded states all measures are invariant to the units of stress, displacement and length, and to a change
+of the unknowns from z to c z.
 
 In `docs/theory.md`: (D10).
 """
@@ -65,7 +63,7 @@ from functools import cached_property, lru_cache
 from math import copysign, isfinite, sqrt
 from operator import itemgetter
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -155,30 +153,13 @@ MEASURES: Final = (
         exponent=0.75,
         factor=10.0,
     ),
-    Measure(
-        "alart_curnier",
-        "The natural map with the friction bound of the augmented pressure, as in the augmented Lagrangian of Alart "
-        "and Curnier, over 1 + μ times the largest traction.",
-        "As for the natural map.",
-        exponent=0.75,
-        factor=10.0,
-    ),
-    Measure(
-        "bipotential",
-        "de Saxcé's Σ W (bound |u_T| + σ·u) over the energy, u the displacement relative to the obstacle: ≥ 0 for all "
-        "admissible pairs, and 0 for those that obey the law.",
-        "Positive: friction's work is not the full bound, or gaps do work. Negative: tractions or signs are not "
-        "admissible.",
-        factor=2.0,
-    ),
 )
 """All measures, in the order of the table."""
 
 
-# The contact law holds if and only if each of the last three measures is zero. The natural map and the measure of Alart
-# and Curnier project on the friction cone of the computed and of the augmented pressure. The bipotential is ≥ 0 for
-# admissible pairs (σ_N ≤ 0, |σ_T| ≤ thr, λ_N ≥ 0). In its sum violations of bounds may cancel gaps, which is why
-# `complementarity_normal` and `complementarity_tangential` are sums of absolute values.
+# The contact law holds if and only if the natural map is zero. Two other residuals of the law are bounded by these
+# measures, and not computed: that of Alart and Curnier, with the friction bound of the augmented pressure, is at most
+# 1 + mu times the natural map; de Saxcé's bipotential is at most the sum of both complementarities.
 #
 # Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991); G. de Saxcé, Z.-Q. Feng, Math. Comput.
 # Modelling 28 (1998).
@@ -186,18 +167,13 @@ MEASURES: Final = (
 _LARGEST_GAP = 10.0  # gaps and slips count up to this multiple of E / (S Σ W)
 
 
-class LawResiduals(NamedTuple):
-    """Residuals of the contact law."""
-
-    measures: dict[str, float]  # name → value ≥ 0
-    work: float  # part of the primal less dual energy: the bipotential with max(m_N, 0) in place of m_N
-    bipotential: float  # with its sign
-
-
 def law_residuals(
     qvi: FrictionQVI, tractions: Vector, m_N: Vector, m_T: Vector, scales: dict[str, float]
-) -> LawResiduals:
-    """All measures of the contact law of the QVI at tractions (2m,) with row multipliers m_N, m_T (m,)."""
+) -> tuple[dict[str, float], float]:
+    """All measures of the contact law of the QVI at tractions (2m,) with row multipliers m_N, m_T (m,).
+
+    The second value is Σ (thr |m_T| − m_T σ_T − max(m_N, 0) σ_N), a part of the primal less dual energy.
+    """
     S, D, E = scales["stress"], scales["displacement"], scales["energy"]
     sigma_N, sigma_T = tractions[: qvi.m], tractions[qvi.m :]
     law, W, is_unilateral = qvi.law, qvi.W, ~qvi.bilateral
@@ -206,13 +182,11 @@ def law_residuals(
     work_T = size_T * bound - m_T * sigma_T
     limit = _LARGEST_GAP * E / (S * qvi.contact.length) * W
     limited_N, limited_work_T = np.minimum(m_N, limit), work_T * limit / np.maximum(size_T, limit)
-    bipotential = float(limited_work_T.sum() - limited_N @ sigma_N)
     # Projections on the law after a step along the displacements.
     lambda_N, lambda_T = m_N / W, m_T / W
     shifted_N, shifted_T = sigma_N + S / D * lambda_N, sigma_T + S / D * lambda_T
     projected_N = np.where(is_unilateral, np.minimum(shifted_N, 0.0), shifted_N)
-    augmented = law.threshold(np.abs(np.where(is_unilateral, projected_N, sigma_N)))
-    natural_T, augmented_T = (sigma_T - np.minimum(np.maximum(shifted_T, -thr), thr) for thr in (bound, augmented))
+    natural_T = sigma_T - np.minimum(np.maximum(shifted_T, -bound), bound)
     natural_N = np.abs(sigma_N - projected_N)
     wrong_N = np.where(is_unilateral, -lambda_N, np.abs(lambda_N))  # multipliers of the wrong sign
     measures = {
@@ -222,10 +196,8 @@ def law_residuals(
         "complementarity_normal": float(np.abs(limited_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(limited_work_T).sum()) / E,
         "natural_map": max(most(natural_N), largest(natural_T)) / S,
-        "alart_curnier": most(np.maximum(natural_N, np.abs(augmented_T)) / (1.0 + law.mu)) / S,
-        "bipotential": abs(bipotential) / E,
     }
-    return LawResiduals(measures, float(work_T.sum() - np.maximum(limited_N, 0.0) @ sigma_N), bipotential)
+    return measures, float(work_T.sum() - np.maximum(limited_N, 0.0) @ sigma_N)
 
 
 # The certificate.
@@ -269,7 +241,7 @@ class Certificate:
     scales: Mapping[str, float] = field(default_factory=dict)
     """Dimensionless "stress", "displacement", "energy" and "body_energy", and "rounding" if that was subtracted."""
     signed: Mapping[str, float] = field(default_factory=dict)
-    """Name → value with its sign, for "energy_gap" and "bipotential"."""
+    """Name → value with its sign, for "energy_gap"."""
 
     @property
     def limits(self) -> Mapping[str, float]:
@@ -376,13 +348,12 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     """Measures, scales, and the measures that have a sign with it; the module's docstring has the formulas."""
     (body, gradient), tractions = qvi.state(z), qvi.tractions(z)
     scales = scales_of(qvi, tractions, body)
-    S, E, E_b = scales["stress"], scales["energy"], scales["body_energy"]
+    S, E_b = scales["stress"], scales["body_energy"]
     K, B, A = qvi.stiffness.K, qvi.contact.rows, qvi.contact.A
     residual = gradient + B.T @ np.concatenate([m_N, m_T]) + A.T @ nu
     error, delta_nu = qvi.linear_system.solve(residual)  # K⁻¹ρ and δν
     square, body_norm = float(residual @ error), sqrt(2.0 * E_b)
-    # Rows of A z = b over their scales B, and the work of δν on B.
-    equality = conjugate = 0.0
+    equality = 0.0  # rows of A z = b over their scales B
     if qvi.p:
         sizes = np.abs(qvi.b) + _TERMS_SHARE * (abs(A) @ np.abs(z))
         lengths = np.sqrt((A * A) @ (1.0 / qvi.stiffness.positive_diagonal))
@@ -390,30 +361,30 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
         rounding = _UNKNOWN_ROUNDING * (abs(A) @ np.full(qvi.n, largest(z)))
         violation = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
         equality = largest(violation / np.where(sizes > 0.0, sizes, 1.0))
-        conjugate = largest(delta_nu * sizes) / E
     # The error of z for its multipliers: in the energy norm, and in the contact tractions.
     energy = sqrt(abs(square)) / body_norm
     if qvi.root is not None and energy > _ROUNDING_FREE:
         scales["rounding"] = min(qvi.root.rounding(z) / body_norm, _ROUNDING_LIMIT)
         energy = max(energy - scales["rounding"], 0.0)
     error_tractions = B @ error
-    # The residual of the linear solve; this norm is below its energy norm times √(entries of a row).
-    unsolved = _diagonal_norm(qvi, residual - K @ error - A.T @ delta_nu) / body_norm
+    # The residual of the linear solve, and what it leaves to the equations; this norm is below the energy norm times
+    # √(entries of a row).
+    conjugate = A.T @ delta_nu
+    parts = [_diagonal_norm(qvi, part) / body_norm for part in (residual - K @ error - conjugate, conjugate)]
     # |ρ|² for max(m_N, 0) in place of m_N: the residual changes by Nᵀ(max(m_N, 0) − m_N).
     change = np.maximum(m_N, 0.0) - m_N
     if change.any():
         relief = qvi.linear_system.relief(qvi.contact.N)(change)
         square += 2.0 * float(change @ error_tractions[: qvi.m]) + float(change @ relief)
-    law = law_residuals(qvi, tractions, m_N, m_T, scales)
-    gap = law.work + 0.5 * abs(square)
+    law_measures, work = law_residuals(qvi, tractions, m_N, m_T, scales)
+    gap = work + 0.5 * abs(square)
     measures = {
         "equality": equality,
-        "stationarity": max(energy, largest(error_tractions) / S, conjugate, unsolved),
-        "energy_gap": (abs(law.work) + 0.5 * abs(square)) / E_b,
-        **law.measures,
+        "stationarity": max(energy, largest(error_tractions) / S, *parts),
+        "energy_gap": (abs(work) + 0.5 * abs(square)) / E_b,
+        **law_measures,
     }
-    signed = {"energy_gap": copysign(measures["energy_gap"], gap), "bipotential": law.bipotential / E}
-    return measures, scales, signed
+    return measures, scales, {"energy_gap": copysign(measures["energy_gap"], gap)}
 
 
 def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:

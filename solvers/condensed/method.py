@@ -120,9 +120,9 @@ class CondensedRun:
         space = SparseCoordinates(qvi) if system == "sparse" else DenseCoordinates(qvi)
         return cls(qvi, space, options, space.paths[0], setup=time.perf_counter() - began)
 
-    def again(self, weights: PathWeights, *, turned: bool) -> "CondensedRun":
-        """Another run, with these path weights; `turned`: whether turns of the paths so far are reported."""
-        turned_before = turned and (self.turned_before or self.turns > 0)
+    def again(self, weights: PathWeights) -> "CondensedRun":
+        """Another run, with these path weights, from the usual start."""
+        turned_before = self.turned_before or (self.turns > 0 and not self.is_warm)
         return CondensedRun(
             self.qvi, self.space, self.options, weights, setup=self.setup, near=self.near, history=self.history,
             turned_before=turned_before,

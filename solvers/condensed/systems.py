@@ -36,20 +36,18 @@ class PathWeights(NamedTuple):
     start: float = 0.1  # least multiplier λ at the start, over the scale of displacement
 
 
-USUAL_PATHS = (PathWeights(30.0, 1000.0), PathWeights(100.0, 100.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
+NEAR_BONDED_PATH = PathWeights(1.0, 30.0, start=0.002)
+"""A path that starts nearer to the bonded solution, with more iterations for small problems. With larger multipliers at
+the start the path bends at the corners of strongly graded meshes, and the pressure of large walls gathers in the last
+cells of the lowest bed, so that steps become short."""
+
+USUAL_PATHS = (PathWeights(30.0, 1000.0), NEAR_BONDED_PATH, PathWeights(100.0, 100.0))
 """Central paths in the order in which they are tried. With ω = 1 to the end the path often turns back if contact opens
 and friction is large; with ω = 1000 from the start it does so if rows are dense."""
 
-FITTING_PATH = PathWeights(1.0, 30.0)
-"""The path that is tried next if slacks do not fit their tractions. Close to a sliding limit walls need it."""
-
-MANY_POINTS_PATHS = (FITTING_PATH, PathWeights(30.0, 1000.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
+MANY_POINTS_PATHS = (PathWeights(1.0, 30.0), PathWeights(30.0, 1000.0))
 """Central paths for thousands of contact points. With ω = 1 at first the path smooths pressure and friction alike, and
 the beds of a wall open and slip without short steps."""
-
-NEAR_BONDED_PATH = FITTING_PATH._replace(start=0.002)
-"""A path that starts nearer to the bonded solution, with more iterations for small problems. With larger multipliers at
-the start the pressure of large walls gathers in the last cells of the lowest bed, and steps become short."""
 
 MANY_POINTS_PATIENCE = 15  # iterations; close to a limit load the gap may stay for a while before it falls again
 MANY_POINTS_STRAGGLERS = 0.02

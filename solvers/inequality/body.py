@@ -221,40 +221,17 @@ class BondedState:
         self._K, self.condensed, self._loads = K, condensed, loads
 
     @cached_property
-    def corrected(self) -> tuple[Vector, Vector, float]:
-        """The unknowns (n,), ν (p,) and the size of the last defect correction, see `CondensedContact.corrected`."""
-        (z, nu, _, gradient), loads = self._first, self._loads
+    def corrected(self) -> tuple[Vector, Vector]:
+        """The unknowns (n,) and ν (p,), with defect corrections."""
+        loads = self._loads
+        z, nu = self.condensed.system.solve(loads.f, loads.b)
         size = float(np.sqrt(abs(z @ loads.f - loads.b @ nu)))
-        return self.condensed.corrected(
-            lambda point: gradient if point is z else loads.state(self._K, point)[1], loads.b, z, nu, size
-        )
+        return self.condensed.corrected(lambda point: loads.state(self._K, point)[1], loads.b, z, nu, size)
 
     @cached_property
     def strain_energy(self) -> float:
         """Strain energy of the state; 0 if it is rounding, since all loads cancel."""
         z, root = self.corrected[0], self._loads.root
-        energy = self._rounded_energy(self._loads.state(self._K, z)[0])
+        energy = self._loads.state(self._K, z)[0]
         noise = 0.0 if root is None else _NOISE * root.rounding(z)
-        return energy if energy > noise**2 / 2.0 else 0.0
-
-    @cached_property
-    def error(self) -> float:
-        """Size of the last defect correction over z, in the energy norm; 0 without a root."""
-        if self._loads.root is None or self.strain_energy == 0.0:
-            return 0.0
-        return self.corrected[2] / float(np.sqrt(2.0 * self.strain_energy))
-
-    @cached_property
-    def rough_stress(self) -> float:
-        """√(2 × strain energy) by one linear solve without corrections: a scale, accurate to few digits."""
-        return float(np.sqrt(2.0 * self._rounded_energy(self._first[2])))
-
-    def _rounded_energy(self, energy: float) -> float:
-        """A strain energy; 0 if it is rounding."""
-        return energy if energy > _CANCELLED * self._loads.at_rest else 0.0
-
-    @cached_property
-    def _first(self) -> tuple[Vector, Vector, float, Vector]:
-        """The bonded solution (n,) and ν (p,) by one linear solve, without corrections; strain energy and gradient."""
-        z, nu = self.condensed.system.solve(self._loads.f, self._loads.b)
-        return z, nu, *self._loads.state(self._K, z)
+        return energy if energy > max(_CANCELLED * self._loads.at_rest, noise**2 / 2.0) else 0.0

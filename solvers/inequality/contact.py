@@ -9,7 +9,6 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.sparse import csc_array, eye_array, vstack
 
@@ -18,6 +17,7 @@ from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vecto
 from solvers.errors import InputError
 from solvers.factorisation.base import Factorisation, FactorisationError
 from solvers.inequality.rows import (
+    LEAST_PIVOT,
     Columns,
     Rows,
     by_columns,
@@ -132,15 +132,15 @@ class CondensedContact:
 
     def corrected(
         self, gradient: Callable[[Vector], Vector], b: Vector, z: Vector, nu: Vector, size: float
-    ) -> tuple[Vector, Vector, float]:
+    ) -> tuple[Vector, Vector]:
         """The z (n,) and ν (p,) with gradient(z) + Aᵀν = 0 and A z = b, from those of a solve by a step of this `size`.
 
         Defect corrections by the accurate gradient remove the rounding error of K. The first is always computed, as its
         size depends on the load. They end when the next one, predicted by linear convergence, is below
-        `_LEAST_CORRECTION`, or when one is not below half the one before, which is not added. The third value is the
-        size of the last one. Sizes are energy norms √(dzᵀK dz).
+        `_LEAST_CORRECTION`, or when one is not below half the one before, which is not added. Sizes are energy norms
+        √(dzᵀK dz).
         """
-        A, before, last = self.contact.A, size, size
+        A, before = self.contact.A, size
         for _ in range(_MOST_CORRECTIONS):
             residual, violation = gradient(z) + A.T @ nu, b - A @ z
             dz, dnu = self.system.solve(-residual, violation)
@@ -151,7 +151,7 @@ class CondensedContact:
             if last * last <= _LEAST_CORRECTION * size * before:
                 break
             before = last
-        return z, nu, last
+        return z, nu
 
     @cached_property
     def is_condensed(self) -> bool:
@@ -205,7 +205,6 @@ class CondensedContact:
 # The equality-constrained linear system of (D2), its interior eliminated once by a sparse factorisation.
 
 _REFINEMENTS = 2  # steps of iterative refinement of the dense system with equations
-_LEAST_EIGENVALUE = 1e-12  # eigenvalues of A S⁻¹ Aᵀ below this share of the largest: linearly dependent equations
 
 
 class EqualitySystem:
@@ -224,9 +223,6 @@ class EqualitySystem:
     def __init__(self, A: Columns, factor: Factorisation) -> None:
         self.factor, self.interface, self.schur = factor, factor.interface, factor.schur  # schur: S (k, k)
         self.A: Matrix = dense(self.on_interface(A))  # A_Γ
-        lengths = np.linalg.norm(self.A, axis=1)
-        self._lengths: Vector = np.where(lengths > 0.0, lengths, 1.0)
-        self._unit_rows: Matrix = self.A / self._lengths[:, None]
 
     def on_interface(self, rows: Columns) -> Rows:
         """The columns Γ (j, k) of rows (j, n)."""
@@ -263,35 +259,34 @@ class EqualitySystem:
         return lambda m: np.asarray(interface_rows @ self.solve_interface(columns @ m)[0])
 
     @cached_property
-    def _factors(self) -> tuple[float, Matrix, Matrix, Vector, Matrix]:
-        """[S Aᵀ; A 0] by Cholesky of S + ρ AᵀA, which changes neither x nor ν if ρ Aᵀc is added to the right-hand side.
+    def _factors(self) -> tuple[Matrix, Matrix, float, Matrix, Matrix, Matrix]:
+        """[S Qᵀ; Q 0] by Cholesky of S + ρ QᵀQ, which changes neither x nor ν if ρ Qᵀc is added to the right-hand side.
 
-        ρ, the Cholesky factor, relief = (S + ρ AᵀA)⁻¹ Aᵀ, and eigenvalues of A relief that are not zero, with vectors.
-        Rows of A have length one here, so that equations may have any units.
+        The equations Q x = U c are those of A with orthonormal rows, by the singular values of rows of length one:
+        nearly dependent rows then cost no digits. Q, U, ρ, the Cholesky factor, relief = (S + ρ QᵀQ)⁻¹ Qᵀ, Q relief.
         """
-        S, A, rho = self.schur, self._unit_rows, 0.0
-        if len(A) and len(S):
-            rho = float(np.trace(S) or 1.0) / len(A)
-            S = S + rho * (A.T @ A)
+        S, rho = self.schur, 0.0
+        lengths = np.linalg.norm(self.A, axis=1)[:, None]
+        lengths[lengths == 0.0] = 1.0
+        left, values, Q = np.linalg.svd(self.A / lengths, full_matrices=False)
+        rank = int((values > LEAST_PIVOT * values.max(initial=0.0)).sum())
+        Q, U = Q[:rank], (left[:, :rank] / lengths / values[:rank]).T
+        if rank:
+            rho = float(np.trace(S) or 1.0) / rank
+            S = S + rho * (Q.T @ Q)
         cholesky, info = dpotrf(S, lower=1, clean=0) if len(S) else (S, 0)
         if info:
             raise FactorisationError("singular", "lapack", "the Schur complement is not positive definite")
-        relief, values, vectors = A.T, np.zeros(0), np.zeros((0, 0))
-        if len(A):
-            relief = dpotrs(cholesky, A.T, lower=1)[0] if len(S) else A.T
-            values, vectors = eigh(A @ relief)
-        is_positive = values > _LEAST_EIGENVALUE * values.max(initial=0.0)
-        return rho, cholesky, relief, values[is_positive], vectors[:, is_positive]
+        relief = dpotrs(cholesky, Q.T, lower=1)[0] if rank else Q.T
+        return Q, U, rho, cholesky, relief, Q @ relief
 
     def _solved(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
         """(x_Γ, ν), without iterative refinement."""
-        (rho, cholesky, relief, values, vectors), A = self._factors, self._unit_rows
-        if not len(A):  # LAPACK directly: the checks of SciPy's `cho_solve` take longer than a small solve
+        Q, U, rho, cholesky, relief, capacitance = self._factors
+        if not len(self.A):  # LAPACK directly: the checks of SciPy's `cho_solve` take longer than a small solve
             return (np.asarray(dpotrs(cholesky, g, lower=1)[0]) if g.size else g), c
-        lengths = self._lengths if g.ndim == 1 else self._lengths[:, None]
-        c = c / lengths
-        x = g + rho * A.T @ c
+        c = U @ c
+        x = g + rho * Q.T @ c
         x = np.asarray(dpotrs(cholesky, x, lower=1)[0]) if g.size else x
-        weights = vectors.T @ (A @ x - c)
-        nu = vectors @ (weights / (values if g.ndim == 1 else values[:, None]))
-        return x - relief @ nu, nu / lengths
+        nu = np.linalg.solve(capacitance, Q @ x - c)
+        return x - relief @ nu, U.T @ nu

@@ -319,10 +319,10 @@ class Compliance:
 
     def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """The state (z, m_N, m_T, ν) that minimises the energy under the multipliers m (2m,)."""
-        qvi, condensed, (z, nu, _) = self.qvi, self._condensed, self.qvi.bonded_state.corrected
+        qvi, condensed, (z, nu) = self.qvi, self._condensed, self.qvi.bonded_state.corrected
         forces, interface_forces = qvi.contact.rows.T @ m, transposed(condensed.interface_rows) @ m
         values, dnu = condensed.system.solve_interface(-interface_forces)
         dz = condensed.system.factor.expand(np.zeros(qvi.n), values)
         size = float(np.sqrt(abs(dz @ forces)))
-        z, nu, _ = condensed.corrected(lambda z: qvi.gradient(z) + forces, qvi.b, z + dz, nu + dnu, size)
+        z, nu = condensed.corrected(lambda z: qvi.gradient(z) + forces, qvi.b, z + dz, nu + dnu, size)
         return z, m[: qvi.m], m[qvi.m :], nu

@@ -1,6 +1,7 @@
 """The inner problem: (D2) with a given friction bound; its vectors about a centre, its solution, and its back ends."""
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -25,6 +26,12 @@ class Centre:
         self.f = -qvi.gradient(z)
         self.n0, self.t0 = qvi.normal(z), qvi.tangential(z)
         self.b = np.asarray(qvi.b - qvi.A @ z)
+
+    def times(self, factor: float) -> "Centre":
+        """The vectors in another unit: all are linear in the data."""
+        other = copy(self)
+        vars(other).update({name: factor * vector for name, vector in vars(self).items()})
+        return other
 
     def h(self, threshold: Vector) -> Vector:
         """Right-hand side [−n0; thr − t0; thr + t0] (3m,) of G x ≤ h."""
@@ -63,6 +70,10 @@ class InnerSolution:
     """Number of iterations of the back end, 0 if unknown."""
     message: str = ""
     """The back end's own status and warnings."""
+
+    def times(self, factor: float) -> "InnerSolution":
+        """The solution in another unit, in which z and all multipliers are multiplied by a factor."""
+        return replace(self, z=factor * self.z, m_N=factor * self.m_N, m_T=factor * self.m_T, nu=factor * self.nu)
 
     @property
     def finite(self) -> bool:

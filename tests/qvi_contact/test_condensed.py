@@ -10,7 +10,6 @@ import pytest
 from qvi_contact import TriangleMesh, discretize, solve, solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
-from qvi_contact.solution import discretized
 from solvers import Status
 from solvers.condensed import CentralPath, Complementarity, DenseCoordinates, InteriorPoint, PathWeights
 from tests.cases import thinned
@@ -35,7 +34,7 @@ def solved_in_few(problem):
 
 @cache
 def plate_on(cells, grading):
-    return discretized(compressed_plate(1.0, (cells, cells), grading=grading))
+    return discretize(compressed_plate(1.0, (cells, cells), grading=grading))
 
 
 @pytest.mark.parametrize(
@@ -120,7 +119,7 @@ def test_the_central_path_is_followed_from_an_early_iterate_until_it_has_fallen(
 
     Once found, s λ over ω stays within a factor of two of its mean, though every step is only one Newton step.
     """
-    qvi = discretize(ssnv128((8, 8), 3.0)).rescaled().qvi
+    qvi = discretize(ssnv128((8, 8), 3.0)).qvi
     space = DenseCoordinates(qvi)
     base = space.base(np.zeros(qvi.n))
     bonded = space.bonded(base)

@@ -241,16 +241,16 @@ def test_each_entry_by_its_own_size():
 def test_what_is_not_a_number_is_the_largest_of_all():
     """Python's max would pass over it."""
     measures = dict.fromkeys(EXPONENTS, 1e-12)
-    computed = Certificate(measures, 1e-8, {"stress": 1.0}, {"bipotential": 1e-12})
+    computed = Certificate(measures, 1e-8, {"stress": 1.0}, {"energy_gap": 1e-12})
     for wrong in (
         replace(computed, measures=measures | {"friction": np.nan}),
-        replace(computed, signed={"bipotential": np.nan}),
+        replace(computed, signed={"energy_gap": np.nan}),
         replace(computed, signed={}),
     ):
         assert worse_than_claimed(wrong, computed) == np.inf
     assert worse_than_claimed(computed, computed) == 0.0
-    other = replace(computed, signed={"bipotential": -1e-8})
-    assert worse_than_claimed(other, computed) == pytest.approx(0.5, rel=1e-3)  # of 2 tolerance
+    other = replace(computed, signed={"energy_gap": -1e-8})
+    assert worse_than_claimed(other, computed) == pytest.approx(1.0, rel=1e-3)
     for scales in ({"stress": np.nan}, {}, {"stress": 1.0, "rounding": np.nan}, {"stress": 1.0, "rounding": 1e-3}):
         assert scales_difference(replace(computed, scales=scales), computed) == np.inf
     assert scales_difference(replace(computed, scales={"stress": 1.0, "rounding": 1e-8}), computed) == 0.0

@@ -10,7 +10,6 @@ import pytest
 from qvi_contact import InputError, Polynomial, TriangleMesh, discretize, solve
 from qvi_contact.discretization import Elimination, Functionals, walk
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
-from qvi_contact.solution import discretized
 from solvers.basics import Kept
 
 
@@ -126,17 +125,6 @@ def test_tractions_are_eliminated_once():
         assert np.abs(other.root.particular - first.root.particular).max() > 1e-3
 
 
-def test_the_rough_stress_is_that_of_the_problem():
-    """Problems with other loads, or with stresses that no degree of freedom changes, have one of their own."""
-    first = discretize(block(weight=0.0))
-    rough = first.qvi.bonded_state.rough_stress
-    for change in ({"friction": 0.5}, {"push": -1.1}, {"weight": 0.3}, {"gap": -1e-3}, {"force": -2.5}):
-        problem = discretize(block(**change)).problem
-        after, alone = first.with_data(problem, first.scales), discretize(problem, scales=first.scales)
-        assert after.qvi.bonded_state.rough_stress == pytest.approx(alone.qvi.bonded_state.rough_stress, rel=1e-9)
-        assert (after.qvi.bonded_state.rough_stress == rough) is (change == {"friction": 0.5})
-
-
 def test_other_bodies_share_nothing_and_other_contact_rows_no_rows():
     """A tied contact limits no traction: it has no rows."""
     first = discretize(block())
@@ -209,5 +197,5 @@ def test_a_problem_on_another_mesh_is_refused():
 
 @pytest.mark.parametrize("options", [{}, {"degree": 5}, {"law_on": "points"}])
 def test_the_same_options_again_share_all_matrices(options):
-    before = discretized(block(), **options)
+    before = discretize(block(), **options)
     assert before.with_data(block(push=-2.0)).qvi.K is before.qvi.K

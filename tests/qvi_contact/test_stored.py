@@ -337,7 +337,7 @@ class TestForged:
     @pytest.mark.parametrize(
         ("group", "name", "value", "row"),
         [("measures", "normal", np.nan, "claimed measures"), ("measures", "nonsense", 0.0, "claimed measures"),
-         ("signed", "bipotential", 0.5, "claimed measures"), ("scales", "stress", 2.0, "claimed scales"),
+         ("signed", "energy_gap", 0.5, "claimed measures"), ("scales", "stress", 2.0, "claimed scales"),
          ("scales", "nonsense", 1.0, "claimed scales"), ("scales", "rounding", 1e-3, "claimed scales")],
     )  # fmt: skip
     def test_numbers_of_the_certificate(self, group, name, value, row, entries, tmp_path):

@@ -111,6 +111,19 @@ def test_equations_may_have_any_unit_repeat_each_other_and_say_nothing(size):
     assert changed(free, **nothing).bonded == pytest.approx(free.bonded, rel=1e-12)
 
 
+@pytest.mark.parametrize("method", ["condensed", "pivoting", "fixed-point"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_equations_may_nearly_repeat_each_other(seed, method):
+    """a₁ z = b₁ and (a₁ + ε a₂) z = b₁ + ε b₂ say the same as a₁ z = b₁ and a₂ z = b₂."""
+    plain, mixing = random_problem(seed, equalities=2), np.array([[1.0, 0.0], [1.0, 1e-6]])
+    nearly = plain.with_contact(A=mixing @ plain.A.toarray()).with_loads(b=mixing @ plain.b)
+    expected, found = (solve_qvi(qvi, method) for qvi in (plain, nearly))
+    assert found.status is expected.status is Status.SOLVED
+    assert found.z == pytest.approx(expected.z, abs=1e-7 * np.abs(expected.z).max())
+    motions = mixing.T @ found.equality_multiplier
+    assert motions == pytest.approx(expected.equality_multiplier, abs=1e-7 * np.abs(expected.equality_multiplier).max())
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [("threads", 10**30), ("threads", 1025), ("threads", 0), ("threads", 1.5), ("threads", "2"), ("memory", 10**400),

@@ -88,10 +88,10 @@ def test_results_without_an_answer_or_with_a_past_are_refused():
 
 
 ORDINARY = [
-    partial(compressed_plate, 0.2, (2, 2)), partial(masonry_wall, 3, 3, ()), partial(ssnv128, (4, 4)),
+    partial(compressed_plate, 0.2, (2, 2)), partial(masonry_wall, 3, 3, ()), partial(ssnv128, (4, 4), 0.9),
     partial(compressed_plate, 0.0, (2, 2)),
 ]  # fmt: skip
-LARGE = [partial(ssnv128, (4, 4), friction) for friction in (3.0, 5.0)]
+LARGE = [partial(ssnv128, (4, 4), friction) for friction in (1.0, 3.0, 5.0)]
 
 
 @pytest.mark.parametrize("problem", [*ORDINARY, *LARGE])
