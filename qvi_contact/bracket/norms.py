@@ -354,6 +354,8 @@ def friction_norm(
     [stress], as are `pressures`: by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole
     edge, 0 on other edges.
     """
+    if not shares:
+        return FrictionNorm(0.0, True, "")
     proved = proved_norm(problem, shares)
     by_proof = FrictionNorm(proved, True, f"The norm of the friction operator is at most {proved:.4g}.")
     if proved < LARGEST and error(proved) <= size:

@@ -226,7 +226,7 @@ class TriangleRefinement:
             have_failed = any(is_useless(one.answer) and is_useless(next_.answer) for one, next_ in pairwise(earlier))
         else:
             have_failed = any(np.isfinite(each.reference) for each in earlier)
-        return None if have_failed else bounded(self.measure, value, answer)
+        return None if have_failed else bounded(self.measure, value, answer, is_asked)
 
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer compared with a reference solution; if that fails, with one degree more on the same mesh."""
@@ -372,8 +372,11 @@ def is_useless(result: ContactResult) -> bool:
     return coulomb is not None and not coulomb.norm.proved and _USEFUL <= coulomb.norm.value < np.inf
 
 
-def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
-    """The error of an answer by bounds, under Coulomb friction also estimated ones; None if there are none of use."""
+def bounded(measure: Measure, value: float, result: ContactResult, is_asked: bool) -> Comparison | None:
+    """The error of an answer by bounds, under Coulomb friction also estimated ones; None if there are none of use.
+
+    Bounds that are not asked for are those of energies: they close as fast as the error itself.
+    """
     bracket, bounds, parts = result.bracket, dict[str, Bounds](), result.bracket.cell_gaps
     if is_useless(result):
         return None
@@ -381,7 +384,7 @@ def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison
     if coulomb is not None and measure.name in coulomb.forces:
         bounds, parts = dict(coulomb.forces), coulomb.cells
     elif not bracket.reasons:
-        bounds = {"energy": Bounds(-bracket.upper, -bracket.lower), **bracket.forces}
+        bounds = {"energy": Bounds(-bracket.upper, -bracket.lower), **(bracket.forces if is_asked else bracket.driven)}
     if measure.name not in bounds:
         return None
     lower, upper = bounds[measure.name]
