@@ -9,15 +9,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import InputError, TriangleMesh, solve
 from qvi_contact.basics import evaluate
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Expression,
-    Material,
-    Polynomial,
-    Symmetry,
-    Traction,
-)
+from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Polynomial, Symmetry, Traction
 from tests.cases import refusal
 
 POINTS = np.random.default_rng(0).uniform(0.1, 2.0, (2, 3, 4))
