@@ -132,8 +132,7 @@ def test_steps_of_a_history_are_bracketed_each_for_itself(law):
     assert fine.bracket.gap < 0.3 * last.gap
     for name, (lower, upper) in last.forces.items():
         force = getattr(fine.contacts["bottom"], name.removeprefix("bottom."))
-        assert lower < force + ROUNDING
-        assert force < upper + ROUNDING  # all slips: friction is its bound
+        assert lower - ROUNDING < force < upper + ROUNDING  # all slips: friction is its bound
     assert len(last.forces) == 2
 
 
@@ -149,23 +148,6 @@ def test_forces_under_tresca_law_of_the_plate(bound, force):
     refined = refine(found.problem, target=4e-4, quantity="plate.normal_force", guaranteed=True)
     assert refined.guaranteed
     assert abs(refined.value - force) <= refined.error + ROUNDING <= 4e-4 * force + ROUNDING
-
-
-@pytest.mark.parametrize("bound", [3.0, Polynomial([[1.0], [2.0]]), 30.0])
-def test_forces_of_a_block_that_slips_sticks_and_opens(bound):
-    sides = [
-        Displacement("top", 0.01, -0.01),
-        Traction("left", 0.0, 0.0),
-        Traction("right", Polynomial([[-1, 2]]), 0.0),
-    ]
-    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
-    problem = ContactProblem(mesh, STEEL, [Contact.tresca("bottom", bound), *sides])
-    fine = solve(replace(problem, mesh=mesh.refined().refined()), degree=6).contacts["bottom"].forces
-    found = solve(problem).bracket
-    assert found.guaranteed
-    for (lower, upper), force, name in zip(found.forces.values(), fine, ("normal", "tangential"), strict=True):
-        assert found.forces[f"bottom.{name}_force"] == (lower, upper)
-        assert lower < force < upper < lower + 0.08 * abs(fine[0])
 
 
 @pytest.mark.parametrize("law", [{"friction": 0.5}, {"friction": 0.0, "cohesion": 1e4}])
