@@ -284,7 +284,7 @@ _ALIKE: Final = 1e-6  # relative to a motion's largest coefficient: slips that d
 _STOPS: Final = 1e-6  # relative singular value of the means of motions over groups, below which a motion is not stopped
 _RIGID: Final = 1e-10  # strain energy, relative to that of the single coefficients, below which a motion is rigid
 _CHOICES: Final = 20  # up to this number, all choices of groups that stop the motions are tried
-_PIECES: Final = 2  # into which a contact that presses is cut: one does not stop a turn, three are hardly better
+_PIECES: Final = (1, 2, 3)  # numbers of pieces into which a contact that presses is cut
 
 
 def coercivity(r: float) -> float:
@@ -516,12 +516,13 @@ class _Energies:
     def stopped(self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float) -> list[Stopped]:
         """Ways in which contacts stop motions without strain, or with little; empty if they do not.
 
-        Friction alone is tried first, then pressure too. Weights and pressures are in the `unit` [stress].
+        Friction alone is tried first, then pressure too. Contacts that press are cut into 1, 2 or 3 pieces. Weights and
+        pressures are in the `unit` [stress].
         """
         friction_groups, unit = list(self._friction_groups(shares)), self.scales.energy * unit / self.scales.stress
         ways = list(self._stopped(shares, friction_groups, unit))
-        if not ways and self.has_slip:
-            ways = list(self._stopped(shares, [*friction_groups, *self._pressure_groups(pressures)], unit))
+        for pieces in () if ways or not self.has_slip else _PIECES:
+            ways += self._stopped(shares, [*friction_groups, *self._pressure_groups(pressures, pieces)], unit)
         return ways
 
     def unheld(self, shares: Mapping[str, Share]) -> str:
@@ -629,7 +630,7 @@ class _Energies:
             unused = {name: replace(shares[name], values=way * shares[name].room) for name, way in by_contact}
             yield _Group(sign @ row, float(np.abs(sign) @ mass), unused)
 
-    def _pressure_groups(self, pressures: Mapping[str, FloatArray]) -> Iterator[_Group]:
+    def _pressure_groups(self, pressures: Mapping[str, FloatArray], pieces: int) -> Iterator[_Group]:
         """Groups of edges that press, by contact and pair of bodies, cut along its line into pieces of equal force.
 
         The part of its pressure counts with which an edge belongs to a piece.
@@ -643,9 +644,9 @@ class _Energies:
                 axes = np.linalg.svd(middle[edges] - middle[edges].mean(axis=0), full_matrices=False)[2]
                 edges = edges[np.argsort(middle[edges] @ axes[0])]
                 after = np.append(0.0, np.cumsum(force[edges])) / force[edges].sum()
-                limits = np.clip(after[:, None], np.arange(_PIECES) / _PIECES, np.arange(1, _PIECES + 1) / _PIECES)
+                limits = np.clip(after[:, None], np.arange(pieces) / pieces, np.arange(1, pieces + 1) / pieces)
                 for row in (np.diff(limits, axis=0) * force[edges].sum() / force[edges, None]).T @ rows[edges]:
-                    yield _Group(-row, float(force[edges].sum()) / _PIECES, {}, has_coulomb(trace.contact))
+                    yield _Group(-row, float(force[edges].sum()) / pieces, {}, has_coulomb(trace.contact))
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()
