@@ -69,7 +69,8 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
     """Values of a field, called `name` in messages, at points (x, y) of any shape [length].
 
     `InputError` if the function fails, or its values have another shape, are not finite, or are below `minimum`.
-    Values below it by rounding only, as 0.3 − 0.1 · 3 for 0, become `minimum`.
+    Values below it by rounding only, as 0.3 − 0.1 · 3 for 0, become `minimum`; so do those that rounding of the points
+    explains, as of y on a line where y is −1e-17.
     """
     if not callable(field):
         return np.full(np.shape(x), check_field(name, field, minimum=minimum))
@@ -87,6 +88,10 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
     if minimum is not None:
         rounding = 1e-14 * np.abs(values[~is_bad]).max(initial=0.0)
         values[(values < minimum) & (values >= minimum - rounding)] = minimum
+        if (values < minimum).any():
+            shift = 1e-14 * max(float(np.abs(each).max(initial=0.0)) for each in (x, y))
+            moved = [evaluate(name, field, x + h, y + k) for h in (-shift, shift) for k in (-shift, shift)]
+            values[(values < minimum) & (np.max(moved, axis=0) >= minimum)] = minimum
         is_bad |= values < minimum
     if is_bad.any():
         index = np.unravel_index(np.argmax(is_bad), is_bad.shape)

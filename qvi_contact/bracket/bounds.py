@@ -139,9 +139,10 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     """One sentence for each datum that is no polynomial of the degree that the stress holds exactly.
 
     Tractions, friction bounds c and t_max, and a body potential along contacts may have the degree p − 2 of tractions
-    on each edge, a body potential on cells degree 5. Springs must have one stiffness on an edge.
+    on each edge, a body potential on cells degree 5. Springs must have one stiffness on an edge. Stresses far below the
+    unit of stress are rounding.
     """
-    problem, space = discretization.problem, discretization.space
+    problem, space, unit = discretization.problem, discretization.space, discretization.scales.stress
     most, data = space.element.traction_degree, list[tuple[str, str, Edges, str, Field | None, int]]()
     for condition in problem.prescribed(Traction):
         data.append((condition.name, condition.condition.edges, condition.edges, condition.name, condition.value, most))
@@ -155,19 +156,19 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     reasons = [
         f"{datum} on {place!r} is not a polynomial of degree {degree} on every edge."
         for datum, place, edges, name, field, degree in data
-        if callable(field) and not is_polynomial(problem, edges, name, field, degree)
+        if callable(field) and not is_polynomial(problem, edges, name, field, degree, unit if degree else 0.0)
     ]
     cells, (corners, parts) = np.arange(problem.mesh.cell_count), space.lattice(_DIVISIONS)
     t = corners[parts].mean(axis=1)
     points, inside = space.points(cells, t), dict[str, FloatArray]()
     if callable(problem.body_potential):
         x, y = physical(problem, discretization.scales, points)
-        inside["body potential"] = evaluate("ContactProblem.body_potential", problem.body_potential, x, y)
+        inside["body potential"] = evaluate("ContactProblem.body_potential", problem.body_potential, x, y) / unit
     if varies(problem):
         values = scaled_stress_at_rest(problem, discretization.scales, cells, points)
         inside["initial strain"] = np.concatenate(list(np.moveaxis(values, -1, 0)))
     for name, values in inside.items():
-        if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
+        if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:]), 1.0):
             reasons.append(f"The {name} is not a polynomial of degree {_CELL_DEGREE} on every cell.")
     return tuple(dict.fromkeys(reasons))
 

@@ -34,7 +34,7 @@ from qvi_contact.companion.contact import LeastChange
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element.edge import gauss_legendre, product_integrals
-from qvi_contact.problem.conditions import bears_shear, has_coulomb
+from qvi_contact.problem.conditions import bears_shear
 from qvi_contact.problem.problem import by_cell
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import rest_on_arcs
@@ -65,7 +65,7 @@ class CoulombBounds(WithFields):
     moved: float
     """|η| of the change of the stress that makes s continuous [√energy]."""
     size: float
-    """|τ + η| [√energy]."""
+    """|τ + η| [√energy], or the norm of the stress that the data suggest if the body has no stress but rounding."""
     cells: FloatArray
     """(cells,): f²ρ² + δ/α by cell [stress × length²], the indicator of refinement."""
     reasons: tuple[str, ...]
@@ -84,13 +84,13 @@ class CoulombBounds(WithFields):
         """T3: bounds [stress × length] of "NAME.normal_force" and "NAME.tangential_force" of contacts not tied.
 
         A dual problem is solved on first use. A force without a dual pair is left out: friction on a contact that ends
-        where a support holds its tangential displacement, and all forces if a contact has Tresca's law. If the norm for
-        s is proved, the dual one must be, too. See (D31).
+        where a support holds its tangential displacement, and all forces if a contact has cohesion with a limit of the
+        shear stress. If the norm for s is proved, the dual one must be, too. See (D31).
         """
         stress, companion = self.stress, self.displacement
         problem, known, state, found = stress.problem, stress.discretization, companion.state, dict[str, Bounds]()
-        has_tresca = any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts)
-        if has_tresca or not np.isfinite(self.within) or state is None or 2 * state.contacts.count > MOST:
+        is_capped = any(bears_shear(each) and each.shear_limit is not None for each in problem.contacts)
+        if is_capped or not np.isfinite(self.within) or state is None or 2 * state.contacts.count > MOST:
             return {}
         defect = self.norm.slack(self.shares, self.residual, self.defect, self.within)
         fields = CellFields.of(known, stress.dofs, companion.degree)
@@ -101,7 +101,7 @@ class CoulombBounds(WithFields):
             for trace in body.contacts.traces:
                 parts = np.stack([np.full(trace.count, -1.0), trace.senses])  # a of the one force, b of the other
                 one_way = not np.ptp(trace.turned * trace.senses[trace.columns], axis=1).any()
-                wanted = {"normal": trace.contact.law != "tied", "tangential": one_way and trace.name in self.shares}
+                wanted = {"normal": trace.contact.law != "tied", "tangential": one_way and bears_shear(trace.contact)}
                 for row, direction in enumerate(wanted):
                     goal, name = np.zeros((2, body.contacts.count)), f"{trace.name}.{direction}_force"
                     goal[row, trace.here] = parts[row]
@@ -117,7 +117,8 @@ class CoulombBounds(WithFields):
                 (lower, upper), fluid = found[across], unit * float(contacts.fluid[trace.here].sum())
                 found[across] = Bounds(max(lower, min(fluid, upper)), upper)
                 if along in found:
-                    most = self.shares[trace.name].friction * max(upper - fluid, 0.0)
+                    friction = self.shares[trace.name].friction if trace.name in self.shares else 0.0
+                    most = friction * max(upper - fluid, 0.0)
                     most += unit * float(contacts.law[1, trace.here] @ trace.weights)  # cohesion
                     found[along] = Bounds(max(found[along].lower, -most), min(found[along].upper, most))
         return found
@@ -170,7 +171,7 @@ class CoulombBounds(WithFields):
         return f" with less than {self.reach - 1.0:.2g} times these stresses" if np.isfinite(self.reach) else ""
 
     def _relative(self, error: float) -> float:
-        return error / self.size if self.size > 0.0 else float("inf") if error > 0.0 else 0.0
+        return error / self.size
 
     @property
     def message(self) -> str:
@@ -180,6 +181,8 @@ class CoulombBounds(WithFields):
         error = f"stresses within {100.0 * self.relative_error:.2g} % of their energy norm."
         if self.relative_error > 1.0:
             error = "the error of the stresses may be as large as they are. Refine the mesh."
+        if self.size == np.sqrt(2.0 * reference_energy(self.stress, 0.0)):
+            error = "no stresses but rounding."
         scope = f"It holds for solutions{self.scope}, as {self.norm.stopped[0].energies.cause}." if self.scope else ""
         bound = f"{self.kind.capitalize()} bound under friction: {error}"
         likely = "" if self.likely is None else f"An estimate is {100.0 * self.likely.relative_error:.2g} %."
@@ -188,6 +191,12 @@ class CoulombBounds(WithFields):
 
 _WIDER: Final = 1.5  # a guaranteed F over an estimated one, from which on users get both
 _FAR: Final = 10.0  # norms of the stress: a distance from there on is told by the size of the other stresses
+
+
+def reference_energy(result: ContactResult, strain: float) -> float:
+    """The reference of errors: the energy `strain` of a stress, or that of the unit if the stress is rounding."""
+    unit = result.discretization.scales.energy * result.certificate.scales.get("energy", 1.0)
+    return strain if strain > _AT_REST * unit else unit
 
 
 def coulomb_bounds(
@@ -202,7 +211,7 @@ def coulomb_bounds(
     tractions, unit, problem = EdgeTractions.of(known, result.dofs), known.scales.stress, known.problem
     excess, tension = tractions.violations(tractions.bound)
     # the size of rounding counts too: without loads there is nothing else
-    allowed = LOOSEST * max(tractions.size, known.scales.loaded * result.certificate.scales.get("stress", 0.0))
+    allowed = LOOSEST * max(tractions.size, result.certificate.scales.get("stress", 0.0))
     for rows in known.contacts:
         if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > allowed:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
@@ -227,7 +236,8 @@ def coulomb_bounds(
         squares = rest**2 @ gauss_legendre(rest.shape[1])[1]
         residual += float(np.sqrt(compliance * squares @ np.concatenate(arcs) ** 2))
     defect = slack + float(sum(part.sum() for part in defects.values()))
-    error_of, size = partial(error_bound, residual, defect), float(np.sqrt(2.0 * fields.energy))
+    error_of = partial(error_bound, residual, defect)
+    size = float(np.sqrt(2.0 * reference_energy(result, fields.energy)))
     pressures, distance = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)
     for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
         if trace.contact.law == "unilateral":
@@ -269,6 +279,7 @@ are short: |ζ_T| grows towards the end and κ(τ) falls. With a large cut, the 
 _NOISE: Final = 1e-7  # relative to the largest displacement or traction: smaller values are zero up to solvers' errors
 _MOVED: Final = 1e-5  # of the body's largest displacement: the least reference for displacements on a contact
 _LOADED: Final = 1e-2  # of the largest stress: the least reference for pressures on a contact
+_AT_REST: Final = 1e-18  # of the energy of the unit of stress: smaller stresses are rounding
 _ROUNDED: Final = 1e-12  # of the terms of a force: the rounding of their sum
 _ROUNDING: Final = 1e-9  # of the largest value: rounding where the dual pair or the opening must vanish
 _FAINT: Final = 1e-3  # of the unit of stress: the least reference for ζ, which is rounding if balance gives the force
@@ -280,7 +291,7 @@ class _Zones(NamedTuple):
     opening: FloatArray  # (n,): coefficients of g − v_N [length]
     slip: FloatArray  # (n,): coefficients of |v_T − w| [length]
     pressure: FloatArray  # (e, q): coefficients of |τ_N| [stress], on edges of contacts that are not tied
-    room: FloatArray  # (e, q): coefficients of m (c + μ|τ_N|) [stress] there, m of `Share.room`
+    room: FloatArray  # (e, q): of m (c + μ|τ_N|) [stress] there, m of `Share.room`; of c − |τ_T| under Tresca's law
     closed: BoolArray  # (n,): coefficients of edges that touch the obstacle somewhere
     stuck: BoolArray  # (n,): coefficients of edges with friction that stick somewhere
     loose: BoolArray  # (e,): edges without pressure somewhere, where ζ_N = 0
@@ -331,7 +342,7 @@ class _Pairs:
         n, openings = state.contacts.count, _opening(state, self.errors.shares)
         any_way = np.isnan(state.contacts.slipping)
         moved, relative = state.c.reshape(2, n), (state.c - state.contacts.obstacle).reshape(2, n)
-        pressure, room = np.empty_like(own.normal), np.full_like(own.normal, np.inf)
+        pressure, room = np.full((2, *own.normal.shape), np.inf)
         zones, zero = np.full((2, n), np.inf), np.zeros((2, n), dtype=bool)
         # displacements of a contact that is closed and sticks everywhere are rounding, as are pressures of an open one
         least_displacement = _MOVED * float(np.abs(state.v).max(initial=0.0))
@@ -348,13 +359,15 @@ class _Pairs:
             here, edges, share = trace.here, rows.edges, self.errors.shares.get(trace.name)
             parts = [openings[here]]
             pressure[edges] = cut_values(-unit * own.normal[edges], unit * own.normal[edges], faint)
-            if share is not None:
-                room[edges] = cut_values(unit * own.bound[edges] * share.room, unit * own.normal[edges], faint)
+            if bears_shear(trace.contact):
+                unused = own.bound[edges] - np.abs(own.shear[edges])
+                unused = unused if share is None else own.bound[edges] * share.room
+                room[edges] = cut_values(unit * unused, unit * own.normal[edges], faint)
                 parts.append(self._senses[here] * relative[1, here])
             on_edges = trace.start + trace.columns
             for row, part in enumerate(parts):
                 zones[row, here] = cut_values(part, moved[:, here], least_displacement)
-                if row:
+                if row and share is not None:
                     zones[row, here][any_way[here]] = np.inf
                 zero[row, on_edges[(zones[row, on_edges] == 0.0).any(axis=1)]] = True
         loose, smooth = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
@@ -363,8 +376,19 @@ class _Pairs:
 
     @cached_property
     def _senses(self) -> FloatArray:
-        """1 or −1 at coefficients (n,) where v may slip along the tangent or against it; else 0."""
-        return np.nan_to_num(self.state.contacts.slipping)
+        """1 or −1 at coefficients (n,) where v slips along the tangent or against it, or may; else 0.
+
+        Under Tresca's law it is the sign of the slip, where this has one sign on all edges of a coefficient.
+        """
+        contacts, senses = self.state.contacts, np.nan_to_num(self.state.contacts.slipping)
+        slip = (self.state.c - contacts.obstacle)[contacts.count :]
+        for trace in contacts.traces:
+            if bears_shear(trace.contact) and trace.name not in self.errors.shares:
+                along = trace.on_edges(slip[trace.here], slip[trace.here])[1]
+                signs = np.sign(along.sum(axis=1))
+                has_one_sign = (signs[:, None] * along >= 0.0).all(axis=1)
+                senses[trace.here] = trace.slipping_on(np.where(has_one_sign, signs, 0.0))
+        return senses
 
     @cached_property
     def _turned(self) -> FloatArray:
@@ -417,6 +441,8 @@ class _Pairs:
 
     def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
         """ζ after the least change that makes the share p = ζ_T/B(τ) continuous, and these shares."""
+        if not self.errors.shares:
+            return change, {}
         qvi, zones, raw = self.known.qvi, self._zones, dict[str, Share]()
         shear, wanted = (qvi.T @ change).reshape(zones.room.shape), np.zeros(zones.room.shape)
         rough = [rows for rows in self.known.contacts if rows.name in self.errors.shares]

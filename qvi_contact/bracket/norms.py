@@ -29,7 +29,7 @@ from qvi_contact.bracket.share import Share, bodies_of, held_subspaces, shares_o
 from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.contact import DisplacementContact
 from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest, least_energy, solutions
-from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, reference_matrices, triangle
+from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import bernstein_basis, bernstein_from_values, lobatto_points, product_integrals
 from qvi_contact.mechanism.mechanism import null_space
@@ -249,8 +249,8 @@ def _divergence_constant(problem: ContactProblem, held: FloatArray) -> float:
     body = Elasticity(space, np.tile(np.outer(trace, trace), (len(space.table), 1, 1)))
     div_squared, (t, weights) = body.stiffness(), body.points()  # ‖div ψ‖²
     div_integral, area = body.virtual_work(weights[..., None] * trace, t), float(weights.sum())  # ∫ div ψ
-    matrices = space.areas, space.slopes, space.slopes, reference_matrices(space.cell), np.eye(2)
-    blocks = np.einsum("c,cax,cbx,abij,kl->cikjl", *matrices, optimize=True)
+    gradients = body.gradients(t)
+    blocks = np.einsum("cq,cqai,cqaj,kl->cikjl", weights, gradients, gradients, np.eye(2), optimize=True)
     laplace = space.assembled(blocks.reshape(-1, 2 * n, 2 * n))  # ‖∇ψ‖²
     matrix, right = laplace + div_squared / inf_sup**2, div_integral / inf_sup**2
     if not right[free_dofs].any():
@@ -354,6 +354,8 @@ def friction_norm(
     [stress], as are `pressures`: by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole
     edge, 0 on other edges.
     """
+    if not shares:
+        return FrictionNorm(0.0, True, "")
     proved = proved_norm(problem, shares)
     by_proof = FrictionNorm(proved, True, f"The norm of the friction operator is at most {proved:.4g}.")
     if proved < LARGEST and error(proved) <= size:

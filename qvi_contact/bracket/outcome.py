@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.schema import WithFields
-from qvi_contact.bracket.coulomb import CoulombBounds
+from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds, reference_energy
 from qvi_contact.bracket.parts import Bounds, EdgeParts
+from qvi_contact.bracket.share import SharedStress, with_bernstein_rows
 from qvi_contact.companion import CompanionResult
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -115,10 +117,16 @@ class Bracket(WithFields):
     def _under_friction(self) -> CoulombBounds | None:
         return self.coulomb if self.coulomb is not None and np.isfinite(self.coulomb.within) else None
 
-    @property
+    @cached_property
     def forces(self) -> Mapping[str, Bounds]:
-        """Bounds of forces [stress × length]: with Coulomb friction of `coulomb`, else `driven`."""
-        return self.driven if self._under_friction is None else self._under_friction.forces
+        """Bounds of forces [stress × length]: with Coulomb friction of `coulomb`, else also `driven`."""
+        if self._under_friction is not None:
+            return self._under_friction.forces
+        if self.kind is not BracketKind.PROBLEM or not np.isfinite(self.lower):
+            return self.driven
+        stress = ContactResult(with_bernstein_rows(self.result.discretization), self.result.solution)
+        errors = coulomb_bounds(SharedStress(stress, {}, (), stress), self.companion, self.reasons)
+        return self.driven if isinstance(errors, str) else {**errors.forces, **self.driven}
 
     @property
     def gap(self) -> float:
@@ -129,15 +137,20 @@ class Bracket(WithFields):
     def relative_error(self) -> float:
         """Bound of the error of τ in the energy norm, over the norm of τ: √(2 gap / ∫ τ:c:τ), or that of `coulomb`.
 
+        If the body has no stress but rounding, the error is relative to the stress that its data suggest, `Scales`.
         Infinite without both energies, or if they contradict each other by more than rounding. On arcs, and where data
         contradict each other, the energies lack some work that the parts of the gap contain: the larger gap is taken.
         """
         if self._under_friction is not None:
             return self._under_friction.relative_error
-        if not np.isfinite(self.gap) or self.gap < -_ROUNDING * self.strain:
+        if not np.isfinite(self.gap) or self.gap < -_ROUNDING * self._reference:
             return float("inf")
-        gap = max(self.gap, float(self.cell_gaps.sum()))
-        return float(np.sqrt(gap / self.strain)) if self.strain > 0.0 else float("inf") if gap > 0.0 else 0.0
+        return float(np.sqrt(max(self.gap, float(self.cell_gaps.sum())) / self._reference))
+
+    @property
+    def _reference(self) -> float:
+        """The reference of the gap [stress × length²]: the strain energy, or the unit's if the body has no stress."""
+        return reference_energy(self.result, self.strain)
 
     @property
     def parts(self) -> dict[str, float]:
@@ -170,8 +183,10 @@ class Bracket(WithFields):
             bounds = f"energy above {self.lower:.9g} {units.energy}, no upper bound"
         if not np.isfinite([self.lower, self.upper]).any():
             bounds = "no bound of the energy"
-        error = ", a duality gap larger than the strain energy" if self.strain < self.gap < np.inf else ""
-        if self.relative_error <= 1.0:
+        error = ", a duality gap larger than the strain energy" if self._reference < self.gap < np.inf else ""
+        if self._reference != self.strain:
+            error = ", no stresses but rounding"
+        elif self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{subject} {self.kind.value}: {bounds}{error}."
         under_friction = "" if self.coulomb is None else self.coulomb.message

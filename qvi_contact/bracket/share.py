@@ -181,7 +181,7 @@ def with_numbers(result: ContactResult) -> ContactResult:
     def constant(contact: Contact) -> Contact:
         points, numbers = problem.mesh.points_along(problem.mesh.edges(contact.edges), SAMPLES), dict[str, Any]()
         for name in ("friction", "cohesion"):
-            values = evaluate(f"Contact.{name}", getattr(contact, name), *points)
+            values = evaluate(f"Contact.{name}", getattr(contact, name), *points, minimum=0.0)
             if np.ptp(values) <= _SAME * np.abs(values).max():
                 numbers[name] = float(values.flat[0])
         return replace(contact, **numbers)

@@ -25,7 +25,6 @@ from qvi_contact.discretization.displacements import (
     MISFIT,
     DisplacementSpace,
     PrescribedDisplacements,
-    reference_matrices,
 )
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import bernstein_basis, gauss_legendre
@@ -70,21 +69,21 @@ class Elasticity:
         return self.space.size + int(self.beside.shape[0])
 
     def stiffness(self) -> sparse.csr_array:
-        """K with vᵀKv = ∫ ε:C:ε of the body, shape (size, size) of the space; cells with arcs by quadrature."""
-        space, curved_cells = self.space, np.flatnonzero(self.space.mesh.curved)
-        local, slopes, n = reference_matrices(space.cell), space.slopes, space.table.shape[1]
-        t, w = space.cell.quadrature(self._count)
-        along = np.stack([space.cell.derivative_values(t) @ each for each in space.cell.differences])
-        gradients = np.einsum("kqab,aqn->kqbn", space.inverse_jacobians(curved_cells, t), along)
-        measures, blocks = space.measures(t, w)[curved_cells], np.empty((len(space.table), n, 2, n, 2))
+        """K with vᵀKv = ∫ ε:C:ε of the body, shape (size, size) of the space."""
+        space, n = self.space, self.space.table.shape[1]
+        t, measures = self.points()
+        gradients, blocks = self.gradients(t), np.empty((len(space.table), n, 2, n, 2))
         for c, d in product((0, 1), repeat=2):
-            moduli = self.moduli[:, _ENTRIES[c]][:, :, _ENTRIES[d]]
-            weights = space.areas[:, None, None] * (slopes @ moduli @ slopes.swapaxes(1, 2))
-            blocks[:, :, c, :, d] = (weights.reshape(-1, 4) @ local.reshape(4, n * n)).reshape(-1, n, n)
-            parts = (measures, gradients, moduli[curved_cells], gradients)
-            blocks[curved_cells, :, c, :, d] = np.einsum("kq,kqan,kab,kqbm->knm", *parts, optimize=True)
+            parts = (measures, gradients, self.moduli[:, _ENTRIES[c]][:, :, _ENTRIES[d]], gradients)
+            blocks[:, :, c, :, d] = np.einsum("kq,kqan,kab,kqbm->knm", *parts, optimize=True)
         K = space.assembled(blocks.reshape(-1, 2 * n, 2 * n))
         return sparse.csr_array((K + K.T) / 2.0)
+
+    def gradients(self, t: FloatArray) -> FloatArray:
+        """∂B_n/∂x_b of the shape functions at reference points t (q, 2) of all cells, (cells, q, b, n)."""
+        along = np.stack([self.space.cell.derivative_values(t) @ each for each in self.space.cell.differences])
+        slopes = self.space.inverse_jacobians(slice(None), t)
+        return np.asarray(np.einsum("kqab,aqn->kqbn", slopes, along, optimize=True))
 
     @property
     def _count(self) -> int:

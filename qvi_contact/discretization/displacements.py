@@ -24,7 +24,7 @@ arcs: there the inner coefficients are those of the polynomials n·v and t·v, s
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property
 from typing import Final
 
 import numpy as np
@@ -124,17 +124,6 @@ def barycentric(t: FloatArray) -> FloatArray:
     """Barycentric coordinates (…, 3) of reference points (…, 2)."""
     t = np.asarray(t, dtype=float)
     return np.concatenate([1.0 - t.sum(axis=-1, keepdims=True), t], axis=-1)
-
-
-@lru_cache(maxsize=16)
-def reference_matrices(cell: Triangle) -> FloatArray:
-    """∫ ∂_a B_i ∂_b B_j over the reference cell, shape (2, 2, n, n) as [a, b, i, j]."""
-    t, weights = cell.quadrature(cell.degree + 1)
-    values = cell.derivative_values(t)
-    slopes = [values @ cell.differences[axis] for axis in (0, 1)]
-    matrices = np.array([[first.T @ (weights[:, None] * second) for second in slopes] for first in slopes])
-    matrices.setflags(write=False)
-    return matrices
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,12 +155,15 @@ def scaled_stress_at_rest(problem: ContactProblem, scales: Scales, cells: IntArr
     return stress_at_rest(problem, cells, *physical(problem, scales, points)) / scales.stress
 
 
-def is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:
-    """Whether a field is a polynomial of degree `most` or less along each edge, judged at many points."""
+def is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int, unit: float = 0.0) -> bool:
+    """Whether a field is a polynomial of degree `most` or less along each edge, judged at many points.
+
+    Its rounding is relative to its values, or to a larger `unit`: what is that much smaller counts as zero.
+    """
     values = evaluate(name, field, *problem.mesh.points_along(edges, SAMPLES))
     # a body potential may be mere rounding along the edges: its size is that in the whole body
     scale = evaluate(name, field, *problem.mesh.vertices.T) if field is problem.body_potential else values
-    return spanned(values, legendre_basis(most, SAMPLES), float(np.abs(scale).max()))
+    return spanned(values, legendre_basis(most, SAMPLES), max(unit, float(np.abs(scale).max())))
 
 
 def spanned(values: FloatArray, functions: FloatArray, size: float = 0.0) -> bool:

@@ -231,10 +231,10 @@ def refine(
     time_limit : float, optional
         Seconds for all rounds together; the answer is that of the last round done in time.
     guaranteed : bool
-        Refine the force of a contact with Coulomb friction until its bounds are within the target, see
-        `Bracket.coulomb`. This takes more unknowns than the estimate, which is used by default. If the bounds are
-        estimates, or missing, the refinement ends with `RefinementStatus.NO_GUARANTEE` once the bounds, or the
-        estimate, are within the target. Bounds that no mesh would guarantee, nor make narrow, count as missing.
+        Refine the force of a contact until its bounds are within the target, see `Bracket.forces`. This takes more
+        unknowns than the estimate, which is used by default. If the bounds are estimates, or missing, the refinement
+        ends with `RefinementStatus.NO_GUARANTEE` once the bounds, or the estimate, are within the target. Bounds that
+        no mesh would guarantee, nor make narrow, count as missing.
     callback : callable, optional
         Called with the record of each round.
     verbose : bool

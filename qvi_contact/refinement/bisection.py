@@ -17,11 +17,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, whole_number
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, whole_number
 from qvi_contact.basics.schema import WithFields
 from qvi_contact.bracket import Bounds
 from qvi_contact.discretization.discretization import discretize
-from qvi_contact.element.edge import gauss_legendre
 from qvi_contact.element.hsieh_clough_tocher import LOWEST
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitProblem
@@ -29,7 +28,7 @@ from qvi_contact.limit.stresses import limited
 from qvi_contact.mesh.cutting import angles_at
 from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import SPRINGS, has_coulomb
+from qvi_contact.problem.conditions import has_coulomb
 from qvi_contact.problem.problem import ContactProblem, by_cell
 from qvi_contact.refinement.measure import FORCES, PLATE_FORCES, Measure
 from qvi_contact.solution.contact_line import ContactState
@@ -131,7 +130,6 @@ _DEGREE: Final = 5  # default degree
 _HIGHEST: Final = 11  # largest degree: the reference solution needs one more
 _FACTOR: Final = 0.4  # ratio of a corner's part after and before a bisection, 2^(−2λ): λ ≤ 0.66 in serious corners
 _MARGIN: Final = 0.9  # of the target: a corner with a smaller part is not bisected again
-_ABOVE: Final = 4.0  # largest part of a triangle in a corner, over the smallest part that is bisected elsewhere
 _DEEPEST: Final = 3  # largest number of bisections in a corner in one round
 _THINNEST: Final = 1e-9  # smallest edge, over the body's length
 _SAFETY: Final = 1.5  # estimate over difference: the error of the reference may be a third of the answer's
@@ -228,7 +226,7 @@ class TriangleRefinement:
             have_failed = any(is_useless(one.answer) and is_useless(next_.answer) for one, next_ in pairwise(earlier))
         else:
             have_failed = any(np.isfinite(each.reference) for each in earlier)
-        return None if have_failed else bounded(self.measure, value, answer)
+        return None if have_failed else bounded(self.measure, value, answer, is_asked)
 
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer compared with a reference solution; if that fails, with one degree more on the same mesh."""
@@ -346,16 +344,12 @@ def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: floa
     """Corners to bisect more than once in a round, by level; this costs few triangles.
 
     A corner is bisected again if its parts would still hold more than all the rest and more than the goal, a share of
-    the sum of the parts, or if one triangle would hold a few times what is bisected elsewhere. With one bisection a
-    round, errors in corners would fall more slowly than elsewhere.
+    the sum of the parts. With one bisection a round, errors in corners would fall more slowly than elsewhere.
     """
-    cells_at = [(mesh.cells == vertex).any(axis=1) for vertex in corners]
-    share = np.array([parts[cells].sum() for cells in cells_at]) / (float(parts.sum()) or 1.0)
+    at_corners = [float(parts[(mesh.cells == vertex).any(axis=1)].sum()) for vertex in corners]
+    share = np.array(at_corners) / (float(parts.sum()) or 1.0)
     rest = np.maximum(1.0 - share, _MARGIN * goal)
-    largest = np.array([parts[cells].max() for cells in cells_at])
-    most = _ABOVE * parts[bulk(parts)].min()
-    factors = [_FACTOR**level for level in range(1, _DEEPEST)]
-    levels = [corners[(share * factor > rest) | (largest * factor > most)] for factor in factors]
+    levels = [corners[share * _FACTOR**level > rest] for level in range(1, _DEEPEST)]
     return tuple(vertices for vertices in levels if len(vertices))
 
 
@@ -374,8 +368,11 @@ def is_useless(result: ContactResult) -> bool:
     return coulomb is not None and not coulomb.norm.proved and _USEFUL <= coulomb.norm.value < np.inf
 
 
-def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
-    """The error of an answer by bounds, under Coulomb friction also estimated ones; None if there are none of use."""
+def bounded(measure: Measure, value: float, result: ContactResult, is_asked: bool) -> Comparison | None:
+    """The error of an answer by bounds, under Coulomb friction also estimated ones; None if there are none of use.
+
+    Bounds that are not asked for are those of energies: they close as fast as the error itself.
+    """
     bracket, bounds, parts = result.bracket, dict[str, Bounds](), result.bracket.cell_gaps
     if is_useless(result):
         return None
@@ -383,7 +380,7 @@ def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison
     if coulomb is not None and measure.name in coulomb.forces:
         bounds, parts = dict(coulomb.forces), coulomb.cells
     elif not bracket.reasons:
-        bounds = {"energy": Bounds(-bracket.upper, -bracket.lower), **bracket.forces}
+        bounds = {"energy": Bounds(-bracket.upper, -bracket.lower), **(bracket.forces if is_asked else bracket.driven)}
     if measure.name not in bounds:
         return None
     lower, upper = bounds[measure.name]
@@ -469,38 +466,19 @@ def at_contacts(problem: ContactProblem, mesh: TriangleMesh, fine: TriangleMesh,
 def energies_between(answer: ContactResult, reference: ContactResult) -> FloatArray:
     """½ ∫ c(σ − τ):(σ − τ) over each triangle of the answer's mesh, τ of the reference solution [stress × length²].
 
-    At contacts with springs ½ ∫ (σ_N − τ_N)²/k_N + (σ_T − τ_T)²/k_T ds is added.
+    Springs are left out: where their tractions differ, the stresses beside them do.
     """
     space, problem, mesh = reference.discretization.space, reference.problem, answer.problem.mesh
     fine = problem.mesh
-    parents = fine.parents(mesh)
-
-    def difference(cells: IntArray, at: FloatArray, points: FloatArray) -> FloatArray:
-        """The difference of the stresses without the body potential, at points (n, g, 2), `at` in the finer cells."""
-        stresses, inner_t = [], mesh.reference(parents[cells], points)
-        for each, in_cells, t in ((reference, cells, at), (answer, parents[cells], inner_t)):
-            known = each.discretization
-            stresses.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), in_cells, t))
-        return np.asarray(stresses[0] - stresses[1])
-
-    cells, t = np.arange(fine.cell_count), space.cell_quadrature[0]
-    stress = difference(cells, t, fine.placed(cells, t) @ fine.corners)
+    parents, cells, at = fine.parents(mesh), np.arange(fine.cell_count), space.cell_quadrature[0]
+    inner_t = mesh.reference(parents, fine.placed(cells, at) @ fine.corners)
+    stresses = []  # without the body potential
+    for each, in_cells, t in ((reference, cells, at), (answer, parents, inner_t)):
+        known = each.discretization
+        stresses.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), in_cells, t))
+    stress = np.asarray(stresses[0] - stresses[1])
     measures = reference.discretization.scales.length**2 * space.cell_measures(*space.cell_quadrature)
     work = (((stress @ problem.compliances) * stress).sum(axis=2) * measures).sum(axis=1)
-    t, weights = gauss_legendre(space.degree)
-    for contact in filter(lambda each: each.has_springs, problem.contacts):
-        edges = fine.edges(contact.edges)
-        x, y = fine.points_along(edges, t)
-        cells_at, points = edges.cells[:, 0], np.stack([x, y], axis=-1)
-        xx, yy, xy = np.moveaxis(difference(cells_at, fine.reference(cells_at, points), points), -1, 0)
-        normals, tangents = frames_along(edges, t)
-        force = np.stack([xx * normals[..., 0] + xy * normals[..., 1], xy * normals[..., 0] + yy * normals[..., 1]], -1)
-        for name, along in zip(SPRINGS, (normals, tangents), strict=True):
-            field = getattr(contact, name)
-            if field is not None:
-                stiffness = evaluate(f"Contact.{name}", field, x, y)
-                parts = edges.length[:, None] * weights * (force * along).sum(axis=-1) ** 2 / stiffness
-                np.add.at(work, cells_at, parts.sum(axis=1))
     return np.asarray(np.bincount(parents, 0.5 * work, mesh.cell_count), float)
 
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qvi_contact import InputError, TriangleMesh, solve
+from qvi_contact.basics import evaluate
 from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Polynomial, Symmetry, Traction
 from tests.cases import refusal
 
@@ -95,6 +96,13 @@ class TestExpression:
         """Alone, its size shows nothing: −5.6e-17 was refused as friction below 0."""
         assert Expression(text, t=3.0)(np.array([3.0]), np.array([0.0])) == [0.0]
         assert Expression(text, t=2.0)(np.array([2.0]), np.array([0.0])) == pytest.approx([0.1])
+
+    def test_below_zero_by_the_rounding_of_a_place_is_zero(self):
+        """On a line at y = −1e-17 all values of y are below 0; −1e-3 is refused."""
+        x = np.array([0.0, 1.0])
+        assert (evaluate("friction", lambda _, y: 0.3 * y, x, 0.0 * x - 1e-17, minimum=0.0) == 0.0).all()
+        with pytest.raises(InputError, match="at least 0"):
+            evaluate("friction", lambda _, y: 0.3 * y, x, 0.0 * x - 1e-3, minimum=0.0)
 
     def test_integers_are_numbers(self):
         """No exact arithmetic of whole numbers, which has no limit; overflow is infinity."""

@@ -75,8 +75,8 @@ class TestForces:
         """The force of a finer mesh lies between the bounds, and those of the own mesh are one of them."""
         result, finer = solve(problem), solve(replace(problem, mesh=problem.mesh.refined().refined()))
         found = result.bracket
-        assert set(found.forces) == {key}
-        (low, high), (name, kind) = found.forces[key], key.rsplit(".", 1)
+        assert set(found.driven) == {key}
+        (low, high), (name, kind) = found.driven[key], key.rsplit(".", 1)
         at = [each.contacts[name] if name in each.contacts else each.resultant(name) for each in (result, finer)]
         own, fine = (getattr(each, kind) for each in at)
         size = max(abs(low), abs(high))

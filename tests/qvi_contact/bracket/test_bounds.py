@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import Polynomial, TriangleMesh, load_result, solve, solve_history
+from qvi_contact import Polynomial, TriangleMesh, load_result, refine, solve, solve_history
 from qvi_contact.bracket import BracketKind, EdgeTractions, bracket, computed_norm
 from qvi_contact.companion import solve_companion
 from qvi_contact.export import write_npz
@@ -16,7 +16,7 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from tests.cases import refused_at, thinned
 from tests.qvi_contact.test_triangles import STEEL, moved, oblique
 
-U = 1e-3
+U, ROUNDING = 1e-3, 1e-9
 
 
 def with_contact(contact, mesh=None):
@@ -97,6 +97,7 @@ def test_weight():
     for degree, potential, guaranteed in (
         (3, lambda x, y: 5.0 * y + 0.0 * x, True),
         (4, lambda x, y: 5.0 * y + x * y, True),
+        (3, lambda x, _: 1e-28 * np.sin(9.0 * x), True),  # beside a load of 1
         (3, lambda x, y: 5.0 * y + x**2, False),
         (5, lambda x, y: 5.0 * y + x**3 * y**3, False),
     ):
@@ -130,8 +131,23 @@ def test_steps_of_a_history_are_bracketed_each_for_itself(law):
     assert last.lower <= fine.bracket.lower < fine.bracket.upper <= last.upper
     assert fine.bracket.gap < 0.3 * last.gap
     for name, (lower, upper) in last.forces.items():
-        assert lower < getattr(fine.contacts["bottom"], name.removeprefix("bottom.")) < upper
-    assert len(last.forces) == (2 if law["friction"] else 0)
+        force = getattr(fine.contacts["bottom"], name.removeprefix("bottom."))
+        assert lower - ROUNDING < force < upper + ROUNDING  # all slips: friction is its bound
+    assert len(last.forces) == 2
+
+
+@pytest.mark.parametrize(("bound", "force"), [(0.0, 209.0), (5.0, 209.75), (100.0, 214.3597782)])
+def test_forces_under_tresca_law_of_the_plate(bound, force):
+    """209 + ν c/2 by reciprocity while all slips; with stick that of 16² cells."""
+    plate = compressed_plate(0.0, (4, 4))
+    contact = Contact.tresca("top", bound, gap=-U, name="plate")
+    found = solve(replace(plate, conditions=[*plate.conditions[:3], contact])).bracket
+    lower, upper = found.forces["plate.normal_force"]
+    assert found.guaranteed
+    assert force - 0.2 < lower < force < upper + ROUNDING < force + 0.2
+    refined = refine(found.problem, target=4e-4, quantity="plate.normal_force", guaranteed=True)
+    assert refined.guaranteed
+    assert abs(refined.value - force) <= refined.error + ROUNDING <= 4e-4 * force + ROUNDING
 
 
 @pytest.mark.parametrize("law", [{"friction": 0.5}, {"friction": 0.0, "cohesion": 1e4}])
