@@ -180,7 +180,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     yield f"unknowns: {outline['unknowns']}, contact points: {outline['contact_points']}"
     for material in outline["materials"]:
         yield (
-            f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
+            f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:.12g}, "
             f"plane {material['plane']}, {counted(material['cells'], 'cell')}"
             + "".join(f", {_toml({name: value})}" for name, value in material.items() if name not in _ELASTIC)
         )
