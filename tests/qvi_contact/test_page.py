@@ -317,6 +317,20 @@ def test_tables_of_a_result(squeezed):
     assert float(ground[1]) == pytest.approx(squeezed.contacts["ground"].normal_force, rel=1e-4)
 
 
+def test_forces_and_moments_of_bodies_in_coordinates_of_a_map():
+    """Moments are about the middle of the body, and no force is rounding beside a moment about a distant point."""
+    rows = []
+    for origin in ((0.0, 0.0), (5e5, 5.8e6)):
+        mesh = TriangleMesh.rectangle((2, 2), 10.0, 10.0, origin=origin)
+        held = [Contact("bottom", friction=0.3), Displacement("right", x=0.0), Traction("right", y=0.0)]
+        loads = [Traction("top", x=0.3, y=-4.0), Traction("left", x=0.0, y=0.0)]
+        result = solve(ContactProblem(mesh, Material(1e4, 0.2), [*held, *loads]))
+        rows.append([float(cell.replace("−", "-")) for row in result_tables(result, UNITS)[1][2] for cell in row[1:]])
+    assert rows[1] == pytest.approx(rows[0], rel=1e-3)
+    assert rows[0][6:9] == [3.0, -40.0, -15.0]  # of the load on top: its arm is 5
+    assert Rounding.of(1.0, 1.0, 10.0).cleaned((3.0, -40.0, -4e8), ("force", "force", "moment")) == [3.0, -40.0, -4e8]
+
+
 @pytest.fixture(scope="module")
 def overlapping():
     """Two blocks that overlap by 0.05 in a joint without friction, as in a shrink fit: nothing else loads them."""

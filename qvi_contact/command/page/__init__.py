@@ -189,9 +189,12 @@ def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
 def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """The tables of a result: contacts, resultants on the edge sets of conditions, plates and pins."""
     least, numbers = result.rounding, contact_numbers(result)
-    about = report.with_units(("F_x", "F_y", "moment about the origin"), RESULTANT, units)
-    edge_sets = dict.fromkeys(each.edges for each in result.problem.conditions)
-    resultants = [_row(name, vars(result.resultant(name)), RESULTANT, least) for name in edge_sets]
+    vertices = result.problem.mesh.vertices
+    x, y = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2.0).tolist()
+    about = report.with_units(("F_x", "F_y", f"moment about ({x:.9g}, {y:.9g})"), RESULTANT, units)
+    forces = {each.edges: vars(result.resultant(each.edges)) for each in result.problem.conditions}
+    moments = {name: {"moment": report.moment_about((x, y), **force)} for name, force in forces.items()}
+    resultants = [_row(name, force | moments[name], RESULTANT, least) for name, force in forces.items()]
     plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
     tables = [
         contacts_table(list(result.contacts.values()), units),
