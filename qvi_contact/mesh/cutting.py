@@ -121,7 +121,10 @@ def refuse_overlap(mesh: MeshParts) -> None:
         return
     crossed = crossed[~_are_cusps(mesh, side[crossed])]
     if len(crossed):
-        remedy = "two sides of the body cross around this point, so it overlaps itself: correct the vertices there"
+        remedy = (
+            "two sides of the body cross around this point, so it overlaps itself: correct the vertices there. Sides "
+            "that touch have common vertices along a joint; a Contact along it separates them"
+        )
         raise InputError("TriangleMesh", place_of(all_ends[crossed[0].min()].mean(axis=0)), remedy)
 
 
