@@ -25,7 +25,6 @@ from qvi_contact.errors import InputError
 from qvi_contact.export import field_arrays
 from qvi_contact.files.archive import OWN, STORE, Archive, answer_arrays, json_ready, result_from_archive
 from qvi_contact.problem.conditions import Traction
-from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers import Certificate, Status, certify
 from solvers.certificate.certificate import EXPONENTS
@@ -229,9 +228,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
     `InputError` if the argument is not a result, the tolerance is out of range, or the shape of the multipliers does
     not fit the problem. The steps of a `History` are verified one by one.
     """
-    if isinstance(result, History):
-        raise InputError("result", "a History", "give its steps one by one: [verify_result(step) for step in ….steps]")
-    instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns")
+    instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns, or one of the steps")
     known = result.discretization
     with np.errstate(all="ignore"):  # infinities and NaN fail the checks
         fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)

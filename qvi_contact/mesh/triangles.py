@@ -506,10 +506,8 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         bary[bent] = beyond_chords(self.corners[cells[bent]], self.sides[cells[bent]], bary[bent])[0]
         return bary
 
-    def same_as(self, other: object) -> bool:
+    def same_as(self, other: TriangleMesh) -> bool:
         """Whether the other mesh has the same vertices, triangles and arcs; names do not matter."""
-        if not isinstance(other, TriangleMesh):
-            return False
         pairs = ((self.vertices, other.vertices), (self.cells, other.cells), (self.bends, other.bends))
         return all(one is two or np.array_equal(one, two) for one, two in pairs)
 
