@@ -225,7 +225,6 @@ def _table_html(table: report.Titled) -> Markup:
 
 _PARTS: Final = (64, 48, 32, 24, 16, 8, 1)  # samples along the body's length, tried until at most _MOST_POINTS result
 _MOST_POINTS: Final = 9_000
-_SHORT: Final = 65_536  # number of points that two bytes can index
 _LARGEST: Final = 120_000  # largest number of points on a page, which has to be small enough for mail
 _COLOURS: Final = 33  # samples of a colour map
 
@@ -233,7 +232,7 @@ _COLOURS: Final = 33  # samples of a colour map
 def field_data(result: ContactResult, companion: CompanionResult | None, units: Units) -> dict[str, Any] | None:
     """Points, small triangles, stresses and displacements of a result; None if there are too many points for a page.
 
-    Arrays are little-endian in base64: float32, triangles uint16 or uint32. Points are relative to the mesh's origin.
+    Arrays are little-endian in base64: float32, triangles uint32. Points are relative to the mesh's origin.
     """
     from matplotlib import colormaps
 
@@ -243,8 +242,7 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
             break
     if len(samples.points) > _LARGEST:
         return None
-    mesh, index_bytes = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
-    reference = samples.reference[:, None, -2:]
+    mesh, reference = result.problem.mesh, samples.reference[:, None, -2:]
     moved = None if companion is None else companion.displacement_in(samples.cells, reference)[:, 0]
     largest = 0.0 if moved is None else float(np.hypot(*moved.T).max())
     return {
@@ -252,8 +250,7 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
         "origin": mesh.origin.tolist(),
         "size": mesh.length,
         "points": _floats(samples.points - mesh.origin),
-        "triangles": _encoded(samples.triangles.astype("<u2" if index_bytes == 2 else "<u4")),
-        "bytes": index_bytes,
+        "triangles": _encoded(samples.triangles.astype("<u4")),
         "stress": _floats(samples.stress),
         "alongZ": _floats(samples.along_z) if samples.along_z.any() else None,
         "displacement": None if moved is None else _floats(moved),
