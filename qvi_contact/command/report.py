@@ -14,6 +14,7 @@ import numpy as np
 from qvi_contact import export
 from qvi_contact.basics.schema import write_table
 from qvi_contact.discretization.discretization import discretize
+from qvi_contact.errors import place_of
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.mechanism import Bodies, works
 from qvi_contact.problem.conditions import Condition, Contact, Traction
@@ -198,7 +199,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         moment = moment_about(middle, load["x"], load["y"], load["moment"])
         yield (
             f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
-            f"moment {moment:.6g} {units.moment} about ({middle[0]:.9g}, {middle[1]:.9g})"
+            f"moment {moment:.6g} {units.moment} about {place_of(middle)}"
         )
     for name in ("solve", "refine"):
         if outline[name]:

@@ -125,8 +125,8 @@ def edges_on_segment(
     for end in ends:
         distances = np.hypot(*(vertices[np.unique(pairs)] - end).T)
         if distances.min() > tolerance:
-            x, y = vertices[np.unique(pairs)[np.argmin(distances)]]
-            remedy = f"must be a vertex where edges on this line end; the nearest one is ({x:.9g}, {y:.9g})"
+            nearest = place_of(vertices[np.unique(pairs)[np.argmin(distances)]])
+            remedy = f"must be a vertex where edges on this line end; the nearest one is {nearest}"
             raise InputError("segment", end.tolist(), remedy)
     return np.asarray(pairs)
 
