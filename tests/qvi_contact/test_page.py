@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import ContactState, InputError, TriangleMesh, solve
-from qvi_contact.command import number, result_lines, result_page, result_tables
+from qvi_contact.command import number, outline, outline_lines, result_lines, result_page, result_tables
 from qvi_contact.files import problem_from_toml
 from qvi_contact.plots import mesh_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
@@ -315,6 +315,11 @@ def test_tables_of_a_result(squeezed):
     (ground,) = (row for row in tables[0][2] if row[0] == "ground")
     assert ground[2] == "0"
     assert float(ground[1]) == pytest.approx(squeezed.contacts["ground"].normal_force, rel=1e-4)
+
+
+def test_a_material_that_is_nearly_incompressible_is_not_shown_as_incompressible():
+    nearly = problem_from_toml(re.sub(r"poisson = [\d.]+", "poisson = 0.4999999999", TEXT))
+    assert any("ν = 0.4999999999, " in line for line in outline_lines(outline(nearly, {})[1], UNITS))
 
 
 def test_forces_and_moments_of_bodies_in_coordinates_of_a_map():
