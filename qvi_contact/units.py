@@ -138,13 +138,17 @@ class Rounding:
     def cleaned(self, numbers: Sequence[float], kinds: Collection[str]) -> list[float]:
         """The numbers in one row of a table; `kinds` has a field of this class for each.
 
-        A number is 0 up to its rounding, and up to `LEAST_SHOWN` of the largest number beside it. Forces are compared
-        with moments, and displacements with rotations, through the unit of length.
+        A number is 0 up to its rounding, and up to `LEAST_SHOWN` of the largest number of its kind beside it. Moments
+        are compared with forces too, and rotations with displacements, through the unit of length; not the other way
+        round, as the moment about a distant point is large whatever the forces are.
         """
-        least, group = [getattr(self, kind) for kind in kinds], [_COMPARED.get(kind, kind) for kind in kinds]
+        least = [getattr(self, kind) for kind in kinds]
         sizes = [abs(value) / (unit or 1.0) for value, unit in zip(numbers, least, strict=True)]
-        largest = {kind: max(size for size, other in zip(sizes, group, strict=True) if other == kind) for kind in group}
-        limits = [max(unit > 0.0, LEAST_SHOWN * largest[kind]) for unit, kind in zip(least, group, strict=True)]
+        beside = {kind: (kind, _COMPARED.get(kind, kind)) for kind in kinds}
+        largest = {
+            kind: max(size for size, of in zip(sizes, kinds, strict=True) if of in beside[kind]) for kind in kinds
+        }
+        limits = [max(unit > 0.0, LEAST_SHOWN * largest[kind]) for unit, kind in zip(least, kinds, strict=True)]
         return [0.0 if size <= limit else value for value, size, limit in zip(numbers, sizes, limits, strict=True)]
 
     @classmethod

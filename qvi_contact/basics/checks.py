@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, place_of
 from solvers.basics.checks import (
     finite_number,
     fraction,
@@ -96,6 +96,6 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
     if is_bad.any():
         index = np.unravel_index(np.argmax(is_bad), is_bad.shape)
         limit = "" if minimum is None else f" of at least {minimum:g}"
-        place = f"at x = {x[index]:g}, y = {y[index]:g}"
-        raise InputError(name, float(values[index]), f"give finite values{limit}; found this one {place}")
+        place = place_of((x[index], y[index]))
+        raise InputError(name, float(values[index]), f"give finite values{limit}; found this one at {place}")
     return values

@@ -542,14 +542,16 @@ def _suggestion(kind: type, name: str, known: tuple[str, ...], reader: Reader) -
     for table, headings in tables_of(reader.whole).items():
         places = dict.fromkeys(file_keys(table), headings[0]) | places
     listed = f"the keys here are {', '.join(known)}"
-    if name in places:
+    texts = {key: text for each in (kind, *inlined(kind)) for key, text in described(each).items() if key in known}
+    meanings = {key: text.rpartition(": `")[0].partition(". ")[0] for key, text in texts.items()}
+    word = rf"\b{re.escape(name)}\b"
+    meant = [m for m, text in meanings.items() if m in name.split("_") or (name != "a" and re.search(word, text))]
+    is_symbol = len(name) == 1  # which is close to no key
+    if name in places and not (is_symbol and meant):
         return f"this belongs to {places[name]}; {listed}"
-    suggestion = closest(name, {**dict.fromkeys(known), **places})
-    for each in (kind, *inlined(kind)) if suggestion not in known else ():
-        for here, text in described(each).items():
-            meaning = text.rpartition(": `")[0].partition(". ")[0]  # others are named in later sentences
-            if here in known and re.search(rf"\b{re.escape(name)}\b", meaning):
-                return f"there is no such key; did you mean {here}? {meaning}; {listed}"
+    suggestion = None if is_symbol else closest(name, {**dict.fromkeys(known), **places})
+    if meant and suggestion not in known:
+        return f"there is no such key; did you mean {meant[0]}? {meanings[meant[0]]}; {listed}"
     if suggestion is None:
         return f"there is no such key; {listed}"
     where = "" if suggestion in known else f", of {places[suggestion]}"

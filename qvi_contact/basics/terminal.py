@@ -126,13 +126,7 @@ def _status(command: click.Command, name: str) -> int:
 
 @contextmanager
 def _leaving_at_sigterm() -> Iterator[None]:
-    """The first SIGTERM raises `TerminatedError`, so that every block is left in order; the second ends the process.
-
-    An existing handler is kept. In a thread other than the main one nothing is changed.
-    """
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield
-        return
+    """The first SIGTERM raises `TerminatedError`, so that every block is left in order; the second ends the process."""
 
     def leave(_number: int, _frame: FrameType | None) -> NoReturn:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)

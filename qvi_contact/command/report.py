@@ -14,6 +14,7 @@ import numpy as np
 from qvi_contact import export
 from qvi_contact.basics.schema import write_table
 from qvi_contact.discretization.discretization import discretize
+from qvi_contact.errors import place_of
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.mechanism import Bodies, works
 from qvi_contact.problem.conditions import Condition, Contact, Traction
@@ -180,7 +181,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     yield f"unknowns: {outline['unknowns']}, contact points: {outline['contact_points']}"
     for material in outline["materials"]:
         yield (
-            f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
+            f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:.12g}, "
             f"plane {material['plane']}, {counted(material['cells'], 'cell')}"
             + "".join(f", {_toml({name: value})}" for name, value in material.items() if name not in _ELASTIC)
         )
@@ -193,10 +194,12 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield f"{place}: {_toml(data)}" if data else place
     for name in outline["whole"]:
         yield f"inner line {name}: no contact, so the body holds together there"
+    middle = sum(mesh["x"]) / 2.0, sum(mesh["y"]) / 2.0
     for load in outline["loads"]:
+        moment = moment_about(middle, load["x"], load["y"], load["moment"])
         yield (
             f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
-            f"moment {load['moment']:.6g} {units.moment} about the origin"
+            f"moment {moment:.6g} {units.moment} about {place_of(middle)}"
         )
     for name in ("solve", "refine"):
         if outline[name]:
@@ -208,6 +211,15 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         values = outline["sweep"]["values"]
         yield f"sweep: {outline['sweep']['parameter']}, {len(values)} values from {min(values):g} to {max(values):g}"
     yield from (f"remark: {remark}" for remark in outline["remarks"])
+
+
+def moment_about(point: tuple[float, float], x: float, y: float, moment: float) -> float:
+    """The moment about a point of a force (x, y) whose moment about the origin is given; 0 if it is rounding.
+
+    About the middle of a body the digits count that are shown, however far the body is from the origin.
+    """
+    terms = moment, point[1] * x, -point[0] * y
+    return sum(terms) if abs(sum(terms)) > _NOISE * max(map(abs, terms)) else 0.0
 
 
 def _toml(table: Mapping[str, Any]) -> str:

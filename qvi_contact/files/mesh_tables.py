@@ -83,7 +83,7 @@ class Axis(schema.Kind):
                 if start is None:
                     raise InputError("start", schema.Missing(), schema.ADD)
                 if len(lines) and start != lines[-1]:
-                    raise InputError("start", start, f"start where the piece before stops, at {lines[-1]:g}")
+                    raise InputError("start", start, f"start where the piece before stops, at {lines[-1]:.12g}")
                 with schema.located("", schema.keys_of(Segment)):
                     piece_lines = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
                 lines = np.concatenate([lines[:-1], piece_lines])

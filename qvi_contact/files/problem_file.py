@@ -29,7 +29,7 @@ from qvi_contact.mesh import cutting
 from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.selection import new_name
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
+from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
 from qvi_contact.problem.material import Material, Region
 from qvi_contact.problem.problem import ContactProblem
@@ -408,13 +408,6 @@ class ProblemFile(WithFields):
             for kind, options in (("refine", self.refine_options), ("solve", self.solve_options)):
                 if error.value is not None and options.get(error.field) == error.value:  # the file has that value
                     path = f"{kind}.{error.field}"
-            first, _, name = error.field.partition(".")
-            if first == RigidPlate.__name__:  # name the contact if only one plate or pin has that key
-                contacts = enumerate(self._reader.data["contacts"])
-                places = [
-                    f"[{i}].{kind}" for i, table in contacts for kind in ("plate", "pin") if name in table.get(kind, ())
-                ]
-                path = f"contacts{places[0]}.{name}" if len(places) == 1 else f"contacts.plate.{name}"
             if path == error.field:
                 raise
             raise type(error)(path, error.value, error.remedy) from error

@@ -16,7 +16,7 @@ from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bent_too_far
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, part_of, reversed_bends, shares_along
-from qvi_contact.mesh.selection import ASLANT, crossing, in_circles, known_edges, new_name, numbers_of
+from qvi_contact.mesh.selection import crossing, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
 _EQUAL: Final = 1e-9  # sides whose lengths differ by less, relative to the longer one, are equally long
@@ -121,7 +121,10 @@ def refuse_overlap(mesh: MeshParts) -> None:
         return
     crossed = crossed[~_are_cusps(mesh, side[crossed])]
     if len(crossed):
-        remedy = "two sides of the body cross around this point, so it overlaps itself: correct the vertices there"
+        remedy = (
+            "two sides of the body cross around this point, so it overlaps itself: correct the vertices there. Sides "
+            "that touch have common vertices along a joint; a Contact along it separates them"
+        )
         raise InputError("TriangleMesh", place_of(all_ends[crossed[0].min()].mean(axis=0)), remedy)
 
 
@@ -157,9 +160,6 @@ def pieces(topology: Topology, count: int) -> IntArray:
 def same_places(vertices: FloatArray) -> IntArray:
     """Pairs (k, 2) of vertices that coincide up to rounding, sorted."""
     reach = _SAME_PLACE * float(np.ptp(vertices, axis=0).max())
-    # usually the projections on one line differ already
-    if np.diff(np.sort((vertices - vertices[0]) @ ASLANT)).min(initial=np.inf) > 2.0 * reach:
-        return np.empty((0, 2), dtype=np.int64)
     pairs = np.column_stack(in_circles(vertices, vertices, np.full(len(vertices), reach)))
     return pairs[pairs[:, 0] < pairs[:, 1]]
 

@@ -23,7 +23,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, 
 from qvi_contact.basics.schema import LARGEST, Checked, Name, Positive
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts, circle
-from qvi_contact.mesh.edges import Topology, cross
+from qvi_contact.mesh.edges import cross
 from qvi_contact.mesh.selection import crossing, in_circles, point
 from solvers.basics.foreign import foreign_code, handlers_kept
 from solvers.basics.types import load
@@ -280,7 +280,6 @@ def _checked_list(line: object) -> Sequence[Any]:
 # triangles by gmsh
 
 _LOCK: Final = Lock()
-_MIN_SINE: Final = 0.2  # of the smallest angle in triangles that `divided_corners` makes
 _OPTIONS: Final = {
     "General.Terminal": 0, "General.Verbosity": 0, "General.AbortOnError": 2, "General.NumThreads": 1,
     "Geometry.Tolerance": 1e-10, "Mesh.Algorithm": 6, "Mesh.ElementOrder": 1,  # algorithm 6: frontal Delaunay
@@ -368,14 +367,13 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
     # names and circles of the edges on gmsh's curves; a curve is on the pieces on which its ends and its middle are
     pieces, names, _, centres = shape.every
     pairs_by_name, radii = {name: list[IntArray]() for name in names if name}, np.hypot(*(pieces[:, 0] - centres).T)
-    circles, line_pairs = dict[tuple[float, float, float], list[IntArray]](), list[IntArray]()
+    circles = dict[tuple[float, float, float], list[IntArray]]()
     for _, tag in gmsh.model.getEntities(1):
         places = [gmsh.model.getValue(0, abs(end), [])[:2] for _, end in gmsh.model.getBoundary([(1, tag)])]
         places.append(gmsh.model.getValue(1, tag, np.mean(gmsh.model.getParametrizationBounds(1, tag), axis=0))[:2])
         distances = _distances(np.array(places)[:, None] / unit, pieces, centres)
         on = np.flatnonzero((distances <= _SAME_PLACE * shape.length).all(axis=0))
         pairs = vertex[elements(1, tag)]
-        line_pairs.append(pairs)
         for name in {*names[on]} - {""}:
             pairs_by_name[name].append(pairs)
         on_arcs = on[np.isfinite(radii[on])]
@@ -391,7 +389,7 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
         circle((x, y), radius, np.concatenate(all_pairs), vertices, "TriangleMesh.arcs.")
         for (x, y, radius), all_pairs in circles.items()
     ]
-    cells = divided_corners(vertices, vertex[cells], np.concatenate(line_pairs))
+    cells = vertex[cells]
     # most of a surface's area decides whether it is in a region: a triangle at an arc may have its centre beyond it
     a, b, c = vertices[cells].swapaxes(0, 1)
     middles, areas = (a + b + c) / 3.0, np.abs(cross(b - a, c - a))
@@ -402,7 +400,7 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
     for name, chosen in regions.items():
         if not len(chosen):
             raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
-    return MeshParts(vertices, cells, edge_sets, regions, arcs)
+    return MeshParts(vertices, np.sort(cells, axis=1), edge_sets, regions, arcs)
 
 
 def _drawn_lines(occ: Any, polygon: Polygon, unit: float) -> list[int]:
@@ -429,31 +427,3 @@ def _set_sizes(gmsh: Any, shape: Polygons, unit: float) -> None:
         position = np.array(gmsh.model.getValue(*entity, [])[:2]) / unit
         is_here = np.hypot(*(places - position).T) <= _SAME_PLACE * shape.length
         gmsh.model.mesh.setSize([entity], unit * float(sizes[is_here].min() if is_here.any() else shape.largest))
-
-
-def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:
-    """The triangles (m, 3) with no corner of the body filled by one triangle; `TriangleMesh.grid` has the reason.
-
-    The edge opposite the corner is flipped, unless it is one of the edges `fixed` (k, 2) or a needle would result.
-    """
-    cells = np.sort(cells, axis=1)
-    topology = Topology.of(cells, len(vertices))
-    is_fixed = np.isin(np.arange(len(topology.ends)), topology.number(fixed))
-    is_inner = ~topology.boundary[topology.of_cells]
-    new_cells, is_changed = cells.copy(), np.zeros(len(cells), dtype=bool)
-    for cell in np.flatnonzero(is_inner.sum(axis=1) == 1).tolist():
-        opposite = int(topology.of_cells[cell, np.argmax(is_inner[cell])])
-        pair = [cell, int(topology.cells[opposite].sum()) - cell]
-        if is_fixed[opposite] or is_changed[pair].any():
-            continue
-        b, c = topology.ends[opposite].tolist()
-        a, d = (cells[pair].sum(axis=1) - (b + c)).tolist()
-        flipped = np.array([[a, b, d], [a, d, c]])
-        sides = np.roll(vertices[flipped], -1, axis=1) - vertices[flipped]
-        backward = -np.roll(sides, 1, axis=1)
-        lengths = np.hypot(*np.moveaxis(sides, 2, 0)) * np.hypot(*np.moveaxis(backward, 2, 0))
-        sines = cross(sides, backward) / lengths  # of the other sign if a triangle is inverted
-        if (sines * np.sign(sines[0, 0])).min() > _MIN_SINE:
-            new_cells[pair] = flipped
-            is_changed[pair] = True
-    return np.sort(new_cells, axis=1)

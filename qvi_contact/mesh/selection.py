@@ -1,7 +1,6 @@
 """Selection of edges and triangles: by number, function, segment or box."""
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -44,14 +43,9 @@ def point(name: str, value: object) -> tuple[float, float]:
 
 def numbers_of(name: str, value: Any, kind: type) -> Any:
     """An array of numbers, or `InputError`; integers if `kind` is int."""
-    array: Any = None
-    with suppress(ValueError):  # rows of several lengths, which are refused next
-        array = np.asanyarray(value)
-        if kind is int and type(array) is np.ndarray and array.dtype == np.int64:
-            return array.copy()
     numbers = real_array(name, value, "give an array of real numbers")
     whole = kind is not int or bool((np.abs(numbers) < _EXACT_INTEGERS).all() and (numbers == np.rint(numbers)).all())
-    if array.dtype == bool or not whole:
+    if np.asanyarray(value).dtype == bool or not whole:
         raise InputError(name, type(value).__name__, "give whole numbers" if kind is int else "give numbers")
     return numbers.astype(np.int64) if kind is int else numbers
 
@@ -131,8 +125,8 @@ def edges_on_segment(
     for end in ends:
         distances = np.hypot(*(vertices[np.unique(pairs)] - end).T)
         if distances.min() > tolerance:
-            x, y = vertices[np.unique(pairs)[np.argmin(distances)]]
-            remedy = f"must be a vertex where edges on this line end; the nearest one is ({x:.9g}, {y:.9g})"
+            nearest = place_of(vertices[np.unique(pairs)[np.argmin(distances)]])
+            remedy = f"must be a vertex where edges on this line end; the nearest one is {nearest}"
             raise InputError("segment", end.tolist(), remedy)
     return np.asarray(pairs)
 

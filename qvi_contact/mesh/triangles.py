@@ -143,9 +143,9 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         quarters, from upper left to lower right in the others. So the triangles of a symmetric body are symmetric if
         the number of cells across is even, and a grid with twice the cells has triangles inside these. A middle row
         counts as upper, a middle column as right, which keeps the symmetry about the other axis. In a corner of the
-        body the diagonal always runs into the corner: a triangle with two edges on the boundary could represent the
-        tractions on neither. The triangles 2k and 2k + 1 lie in the cell k of the body, counted row by row. Cells more
-        than 500 times as long as wide are first cut along their length, by lines through the grid.
+        body the diagonal always runs into the corner. The triangles 2k and 2k + 1 lie in the cell k of the body,
+        counted row by row. Cells more than 500 times as long as wide are first cut along their length, by lines through
+        the grid.
         """
         mesh = cls(*grid_parts(x, y, active).given)
         wanted = "names to segments, or to functions of (x, y)"
@@ -506,10 +506,8 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         bary[bent] = beyond_chords(self.corners[cells[bent]], self.sides[cells[bent]], bary[bent])[0]
         return bary
 
-    def same_as(self, other: object) -> bool:
+    def same_as(self, other: TriangleMesh) -> bool:
         """Whether the other mesh has the same vertices, triangles and arcs; names do not matter."""
-        if not isinstance(other, TriangleMesh):
-            return False
         pairs = ((self.vertices, other.vertices), (self.cells, other.cells), (self.bends, other.bends))
         return all(one is two or np.array_equal(one, two) for one, two in pairs)
 

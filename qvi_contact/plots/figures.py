@@ -20,7 +20,7 @@ from qvi_contact.plots.body import Scales, draw_body
 from qvi_contact.plots.problem import draw_problem, draw_symbols
 from qvi_contact.plots.style import Labels, beside, lines
 from qvi_contact.plots.tractions import contact_tractions
-from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
+from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.history import History
@@ -334,23 +334,15 @@ _Loop: TypeAlias = tuple[str, FloatArray, FloatArray]
 
 
 def _loops(history: History, problem: ContactProblem) -> dict[str, _Loop]:
-    """Loops of contacts that move, and of edge sets whose tangential displacement is prescribed.
+    """Loops of contacts that move, and of edge sets whose displacement is prescribed.
 
-    If there are none, loops of all edge sets with a prescribed displacement. A loop whose displacement never changes,
-    but for rounding, as under loads alone, is left out.
+    A loop whose displacement never changes, but for rounding, as under loads alone, is left out.
     """
-    supports = [condition for condition in problem.conditions if isinstance(condition, Displacement)]
-    driven_edges = []
-    for condition in supports:
-        tangent = problem.mesh.edges(condition.edges).tangent[0]
-        if {CARTESIAN[int(np.argmax(np.abs(tangent)))], "tangential"} & set(components(condition)):
-            driven_edges.append(condition.edges)
+    supports = [condition.edges for condition in problem.conditions if isinstance(condition, Displacement)]
     loops: dict[str, _Loop] = {}
-    for name in (*(contact.name for contact in problem.contacts), *driven_edges):
+    for name in (*(contact.name for contact in problem.contacts), *supports):
         with suppress(InputError):  # raised for an obstacle at rest
             loops.setdefault(name, history.driven(name))
-    for condition in supports if not loops else ():
-        loops.setdefault(condition.edges, history.driven(condition.edges))
     least = Rounding.largest(step.rounding for step in history.steps if step.has_state) if loops else Rounding()
     rest = {"rotation": least.rotation}
     return {name: loop for name, loop in loops.items() if np.ptp(loop[1]) > rest.get(loop[0], least.displacement)}

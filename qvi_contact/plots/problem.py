@@ -284,7 +284,7 @@ class _Sketch:
             material = self.problem.materials[material_number]
             name = self.problem.regions[material_number - 1].name if material_number else None
             young = f"{style.beside([material.young], 6)[0]} {self.units.stress}"
-            text = f"E = {young}, ν = {material.poisson:.4g}, plane {material.plane}"
+            text = f"E = {young}, ν = {material.poisson:.12g}, plane {material.plane}"
             if material.strength is not None:
                 text += f", strength {material.strength.kind}"
             text = ", ".join([text, *_initial_strain(self.problem, material_number, self.units)])

@@ -231,12 +231,9 @@ class Labels:
         if figure is None or not self._texts:
             return box
         engine = figure.get_layout_engine()
-        if self._axes.get_axes_locator() is not None:  # inset axes get their place only when the figure is drawn
-            figure.draw_without_rendering()
-        else:  # the layout gives all sizes; drawing would take twice as long
-            if engine is not None:
-                engine.execute(figure)
-            self._axes.apply_aspect()
+        if engine is not None:  # the layout gives all sizes; drawing would take twice as long
+            engine.execute(figure)
+        self._axes.apply_aspect()
         points, boxes = self._axes.transData.transform(np.concatenate([np.empty((0, 2)), *self.drawn])), list[Any]()
         for text, spots in self._texts:
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import Corner, InputError, TriangleMesh, load_problem, solve
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.mesh import Topology, divided_corners, polygons
+from qvi_contact.mesh import polygons
 from tests.cases import examples, refused_at
 from tests.qvi_contact.builders import PROBLEMS, area
 
@@ -121,27 +121,6 @@ def _simple(points):
     parts = is_left != np.roll(is_left, -1, axis=1)  # side i the ends of side j
     distance = np.abs(np.arange(n) - np.arange(n)[:, None])
     return not (parts & parts.T & (distance > 1) & (distance < n - 1)).any()
-
-
-def test_triangles_that_fill_corners_are_divided_but_lines_with_a_name_stay():
-    """And no needles are made: a sharp corner would become two that are too sharp."""
-    rising = np.array([[a, a + 1, a + 4] for a in (0, 1, 3, 4)] + [[a, a + 4, a + 3] for a in (0, 1, 3, 4)])
-    vertices = np.array([(x, y) for y in (0.0, 1.0, 2.0) for x in (0.0, 1.0, 2.0)])
-    none = np.empty((0, 2), dtype=np.int64)
-
-    def filled(cells):
-        topology = Topology.of(np.sort(cells, axis=1), 9)
-        return int((topology.boundary[topology.of_cells].sum(axis=1) == 2).sum())
-
-    assert filled(rising) == 2
-    cells = divided_corners(vertices, rising, none)
-    assert filled(cells) == 0
-    assert area(TriangleMesh(vertices, cells)) == pytest.approx(4.0)
-    cells = divided_corners(vertices, rising, np.array([[5, 1]]))
-    assert filled(cells) == 1
-    assert Topology.of(np.sort(cells, axis=1), 9).number(np.array([[1, 5]])) >= 0
-    vertices[2] = (10.0, -4.0)
-    assert filled(divided_corners(vertices, rising, none)) == 1
 
 
 def test_where_a_library_of_the_system_is_missing_one_line_says_how_to_get_it(monkeypatch, tmp_path):

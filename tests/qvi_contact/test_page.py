@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import ContactState, InputError, TriangleMesh, solve
-from qvi_contact.command import number, result_lines, result_page, result_tables
+from qvi_contact.command import number, outline, outline_lines, result_lines, result_page, result_tables
 from qvi_contact.files import problem_from_toml
 from qvi_contact.plots import mesh_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
@@ -317,6 +317,25 @@ def test_tables_of_a_result(squeezed):
     assert float(ground[1]) == pytest.approx(squeezed.contacts["ground"].normal_force, rel=1e-4)
 
 
+def test_a_material_that_is_nearly_incompressible_is_not_shown_as_incompressible():
+    nearly = problem_from_toml(re.sub(r"poisson = [\d.]+", "poisson = 0.4999999999", TEXT))
+    assert any("ν = 0.4999999999, " in line for line in outline_lines(outline(nearly, {})[1], UNITS))
+
+
+def test_forces_and_moments_of_bodies_in_coordinates_of_a_map():
+    """Moments are about the middle of the body, and no force is rounding beside a moment about a distant point."""
+    rows = []
+    for origin in ((0.0, 0.0), (5e5, 5.8e6)):
+        mesh = TriangleMesh.rectangle((2, 2), 10.0, 10.0, origin=origin)
+        held = [Contact("bottom", friction=0.3), Displacement("right", x=0.0), Traction("right", y=0.0)]
+        loads = [Traction("top", x=0.3, y=-4.0), Traction("left", x=0.0, y=0.0)]
+        result = solve(ContactProblem(mesh, Material(1e4, 0.2), [*held, *loads]))
+        rows.append([float(cell.replace("−", "-")) for row in result_tables(result, UNITS)[1][2] for cell in row[1:]])
+    assert rows[1] == pytest.approx(rows[0], rel=1e-3)
+    assert rows[0][6:9] == [3.0, -40.0, -15.0]  # of the load on top: its arm is 5
+    assert Rounding.of(1.0, 1.0, 10.0).cleaned((3.0, -40.0, -4e8), ("force", "force", "moment")) == [3.0, -40.0, -4e8]
+
+
 @pytest.fixture(scope="module")
 def overlapping():
     """Two blocks that overlap by 0.05 in a joint without friction, as in a shrink fit: nothing else loads them."""
@@ -337,8 +356,9 @@ def test_what_an_overlap_alone_loads_has_the_pressure_as_its_unit(overlapping):
     _, (_, _, rows) = result_tables(overlapping, UNITS)
     zero = [overlapping.rounding.force] * 2 + [overlapping.rounding.moment]
     for name, *cells in rows:
-        resultant = overlapping.resultant(name)
-        for cell, value, least in zip(cells, (resultant.x, resultant.y, resultant.moment), zero, strict=True):
+        force = overlapping.resultant(name)
+        moment = force.moment + 1.0 * force.x - 0.75 * force.y  # about the middle (0.75, 1)
+        for cell, value, least in zip(cells, (force.x, force.y, moment), zero, strict=True):
             assert (cell == "0") == (abs(value) <= least)
     assert line.forces[1] == 0.0
     assert not tiny(" ".join(report))

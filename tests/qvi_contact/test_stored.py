@@ -192,7 +192,7 @@ class TestWrong:
         other = plate.discretization.qvi.with_law(mu=1.001 * plate.discretization.qvi.mu)
         result = solve(replace(plate.discretization, qvi=other))
         assert result.certificate.passed
-        assert {"problem", "friction"} <= failed(ContactResult(plate.discretization, result.solution))
+        assert "friction" in failed(ContactResult(plate.discretization, result.solution))
 
     def test_contacts_and_plates_that_are_not_there(self, plate):
         line = plate.contacts["plate"]

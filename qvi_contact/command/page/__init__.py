@@ -23,6 +23,7 @@ from qvi_contact.bracket import Bracket
 from qvi_contact.command import report
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.space import FAMILY
+from qvi_contact.errors import place_of
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.mesh.edges import Edges
@@ -189,9 +190,12 @@ def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
 def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """The tables of a result: contacts, resultants on the edge sets of conditions, plates and pins."""
     least, numbers = result.rounding, contact_numbers(result)
-    about = report.with_units(("F_x", "F_y", "moment about the origin"), RESULTANT, units)
-    edge_sets = dict.fromkeys(each.edges for each in result.problem.conditions)
-    resultants = [_row(name, vars(result.resultant(name)), RESULTANT, least) for name in edge_sets]
+    vertices = result.problem.mesh.vertices
+    middle = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2.0).tolist()
+    about = report.with_units(("F_x", "F_y", f"moment about {place_of(middle)}"), RESULTANT, units)
+    forces = {each.edges: vars(result.resultant(each.edges)) for each in result.problem.conditions}
+    moments = {name: {"moment": report.moment_about(middle, **force)} for name, force in forces.items()}
+    resultants = [_row(name, force | moments[name], RESULTANT, least) for name, force in forces.items()]
     plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
     tables = [
         contacts_table(list(result.contacts.values()), units),
@@ -222,7 +226,6 @@ def _table_html(table: report.Titled) -> Markup:
 
 _PARTS: Final = (64, 48, 32, 24, 16, 8, 1)  # samples along the body's length, tried until at most _MOST_POINTS result
 _MOST_POINTS: Final = 9_000
-_SHORT: Final = 65_536  # number of points that two bytes can index
 _LARGEST: Final = 120_000  # largest number of points on a page, which has to be small enough for mail
 _COLOURS: Final = 33  # samples of a colour map
 
@@ -230,7 +233,7 @@ _COLOURS: Final = 33  # samples of a colour map
 def field_data(result: ContactResult, companion: CompanionResult | None, units: Units) -> dict[str, Any] | None:
     """Points, small triangles, stresses and displacements of a result; None if there are too many points for a page.
 
-    Arrays are little-endian in base64: float32, triangles uint16 or uint32. Points are relative to the mesh's origin.
+    Arrays are little-endian in base64: float32, triangles uint32. Points are relative to the mesh's origin.
     """
     from matplotlib import colormaps
 
@@ -240,8 +243,7 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
             break
     if len(samples.points) > _LARGEST:
         return None
-    mesh, index_bytes = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
-    reference = samples.reference[:, None, -2:]
+    mesh, reference = result.problem.mesh, samples.reference[:, None, -2:]
     moved = None if companion is None else companion.displacement_in(samples.cells, reference)[:, 0]
     largest = 0.0 if moved is None else float(np.hypot(*moved.T).max())
     return {
@@ -249,8 +251,7 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
         "origin": mesh.origin.tolist(),
         "size": mesh.length,
         "points": _floats(samples.points - mesh.origin),
-        "triangles": _encoded(samples.triangles.astype("<u2" if index_bytes == 2 else "<u4")),
-        "bytes": index_bytes,
+        "triangles": _encoded(samples.triangles.astype("<u4")),
         "stress": _floats(samples.stress),
         "alongZ": _floats(samples.along_z) if samples.along_z.any() else None,
         "displacement": None if moved is None else _floats(moved),

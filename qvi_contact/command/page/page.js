@@ -46,7 +46,7 @@
   });
 
   const fieldPicture = (field) => {
-    const points = array(field.points, Float32Array), triangles = array(field.triangles, field.bytes === 2 ? Uint16Array : Uint32Array);
+    const points = array(field.points, Float32Array), triangles = array(field.triangles, Uint32Array);
     const stress = array(field.stress, Float32Array), alongZ = field.alongZ && array(field.alongZ, Float32Array);
     const moved = field.displacement && array(field.displacement, Float32Array);
     const lines = ({ points: text, displacement }) => ({ ends: array(text, Float32Array), moved: displacement && array(displacement, Float32Array) });
