@@ -208,7 +208,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     elif limit_load.upper == math.inf:
         remarks.append(
             "If other loads act, smaller multiples, even 1, may be too small to hold the body. Under Coulomb friction "
-            "it may slide at any multiple: check a load by qvi-contact solve."
+            "it may slide at any multiple: check a load by qvi-contact solve, or prescribe a displacement in place of "
+            "the load: its force grows until the body slides."
         )
     lines = [f"{', '.join(loads)}: {report.limit_sentence(limit_load)}", *refined_lines, *remarks]
     if limit_load.mechanism is None and limit_load.collapse is None:

@@ -407,17 +407,11 @@ class ProblemFile(WithFields):
         try:
             yield
         except InputError as error:
-            path = _RENAMED.get(error.field, error.field)
+            # the text of an error about a plate or pin names its contact
+            path = _RENAMED.get(error.field, error.field.replace(f"{RigidPlate.__name__}.", "contacts.plate."))
             for kind, options in (("refine", self.refine_options), ("solve", self.solve_options)):
                 if error.value is not None and options.get(error.field) == error.value:  # the file has that value
                     path = f"{kind}.{error.field}"
-            first, _, name = error.field.partition(".")
-            if first == RigidPlate.__name__:  # name the contact if only one plate or pin has that key
-                contacts = enumerate(self._reader.data["contacts"])
-                places = [
-                    f"[{i}].{kind}" for i, table in contacts for kind in ("plate", "pin") if name in table.get(kind, ())
-                ]
-                path = f"contacts{places[0]}.{name}" if len(places) == 1 else f"contacts.plate.{name}"
             if path == error.field:
                 raise
             raise type(error)(path, error.value, error.remedy) from error

@@ -16,7 +16,7 @@ from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bent_too_far
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, part_of, reversed_bends, shares_along
-from qvi_contact.mesh.selection import ASLANT, crossing, in_circles, known_edges, new_name, numbers_of
+from qvi_contact.mesh.selection import crossing, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
 _EQUAL: Final = 1e-9  # sides whose lengths differ by less, relative to the longer one, are equally long
@@ -117,8 +117,6 @@ def refuse_overlap(mesh: MeshParts) -> None:
     half_turns = np.append(bends[~is_curve, 1], np.diff(angles(bends[is_curve], t), axis=1) / 2.0)
     all_ends = np.concatenate([ends[~is_curve], np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)])
     crossed, side = crossing(all_ends, half_turns), np.append(numbers[~is_curve], numbers[is_curve].repeat(_PIECES))
-    if not len(crossed):
-        return
     crossed = crossed[~_are_cusps(mesh, side[crossed])]
     if len(crossed):
         remedy = "two sides of the body cross around this point, so it overlaps itself: correct the vertices there"
@@ -157,9 +155,6 @@ def pieces(topology: Topology, count: int) -> IntArray:
 def same_places(vertices: FloatArray) -> IntArray:
     """Pairs (k, 2) of vertices that coincide up to rounding, sorted."""
     reach = _SAME_PLACE * float(np.ptp(vertices, axis=0).max())
-    # usually the projections on one line differ already
-    if np.diff(np.sort((vertices - vertices[0]) @ ASLANT)).min(initial=np.inf) > 2.0 * reach:
-        return np.empty((0, 2), dtype=np.int64)
     pairs = np.column_stack(in_circles(vertices, vertices, np.full(len(vertices), reach)))
     return pairs[pairs[:, 0] < pairs[:, 1]]
 
@@ -178,8 +173,6 @@ def hanging_vertices(mesh: MeshParts, reach: float = 0.0) -> tuple[IntArray, Flo
     candidates = np.bincount(topology.ends[outer].ravel()).nonzero()[0]
     margin = 1e-6 if reach else -1e-6
     edge, vertex = in_circles(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + margin))
-    if not len(edge):
-        return np.empty((0, 2), dtype=np.int64), np.empty(0)
     vertex = candidates[vertex]
     offset, chord, length = vertices[vertex] - first[edge], (second - first)[edge], lengths[edge]
     bend = mesh.bends[outer[edge]]

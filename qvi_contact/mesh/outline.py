@@ -66,6 +66,7 @@ class Corner(Checked):
 
 Line: TypeAlias = Sequence[Corner | Point]
 """Corners in order; a pair of coordinates is a corner without a name."""
+_Arcs: TypeAlias = dict[tuple[object, ...], FloatArray]  # points by ends, centre and sense
 
 
 class Polygon(NamedTuple):
@@ -124,7 +125,7 @@ def polygons(
     if size > LARGEST:
         raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
     given_sizes = mapping("sizes", sizes, "points to sizes", optional=True)
-    arcs = dict[tuple[object, ...], FloatArray]()
+    arcs = _Arcs()
     lines = {"corners": corners, **{f"holes[{k}]": line for k, line in enumerate(_checked_list(holes))}}
     boundary = [_polygon(name, line, size, arcs, closed=True) for name, line in lines.items()]
     inner, areas = list[Polygon](), dict[str, Polygon]()
@@ -150,9 +151,7 @@ def polygons(
     return outline
 
 
-def _polygon(
-    name: str, line: Line, size: float, arcs: dict[tuple[object, ...], FloatArray], *, closed: bool
-) -> Polygon:
+def _polygon(name: str, line: Line, size: float, arcs: _Arcs, *, closed: bool) -> Polygon:
     corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _checked_list(line)]
     if len(corners) < 2:
         raise InputError(name, len(corners), "give two or more corners")
@@ -161,7 +160,7 @@ def _polygon(
     corner_sizes = [corner.size or size for corner in corners]
     divisions = []
     for corner, stop, corner_size in zip(corners, corners[1:], corner_sizes, strict=False):
-        # an arc of two lines, as of a joint around a region, has the points of the first: needles would lie between both
+        # an arc that two lines have in common, as a joint and a region, is divided once: else needles would result
         key = corner.at, stop.at, corner.centre, corner.clockwise
         if len(arcs.get(key, ())) < least:
             arcs[key] = _division(name, corner, stop, corner_size, least)

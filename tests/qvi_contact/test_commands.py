@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import tomli_w
 
-from qvi_contact import InputError, TriangleMesh, load_problem, refine, save_problem, solve
+from qvi_contact import InputError, LimitLoad, TriangleMesh, load_problem, refine, save_problem, solve
+from qvi_contact.command.report import limit_sentence
 from qvi_contact.export import write_npz
 from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate
@@ -179,6 +180,8 @@ def test_limit(shell, sliding):
     assert document["upper"] == pytest.approx(1 / 1.01, rel=1e-9)
     said = shell("limit", sliding, *loads, *loads, "--plot", picture := sliding.with_name("a.svg"))[1]
     assert said.startswith("drag: this mesh carries 0.99009901 times")  # named once
+    shown = limit_sentence(LimitLoad(-1e-14, 2.0 + 1e-14, None, 2.0, 0.0))  # what is rounding is not rounded outwards
+    assert re.findall("[0-9.-]+", shown) == ["0", "2"]
     assert picture.stat().st_size > 1000
     assert "even 1, may be too small" in shell("limit", sliding, "--load", "pressure")[1]
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")

@@ -276,15 +276,11 @@ class TestFiles:
     @pytest.mark.parametrize(
         ("old", "new", "field"),
         [
-            ("at = [2.0, 0.0]", "at = [2.0]", "mesh.outline.corners[1].at"),
             ("at = [2.0, 0.0]", "to = [2.0, 0.0]", "mesh.outline.corners[1].to"),
             ("size = 0.1 }", "size = -0.1 }", "mesh.outline.corners[2].size"),
-            ("size = 0.25", "size = 0.0", "mesh.outline.size"),
-            ("size = 0.25", "", "mesh.outline.size"),
             ("radius = 0.2", "radius = 2.0", "mesh.outline.holes[0]"),
             ("radius = 0.2", "radius = -2.0", "mesh.outline.holes[0].radius"),
             (", radius = 0.2", "", "mesh.outline.holes[0].radius"),
-            ("radius = 0.2", "radius = 0.2, corners = []", "mesh.outline.holes[0].corners"),
             ("{ at = [0.0, 0.2] }, ", "", "mesh.outline.joints[0]"),
             ("regions = [{", f"regions = [{{ {CORE} }}, {{", "mesh.outline.regions[1].name"),
             ("at = [1.5, 0.5], size", "at = [1.5, 1.5], size", "mesh.outline.sizes"),
