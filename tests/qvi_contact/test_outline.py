@@ -276,7 +276,6 @@ class TestFiles:
     @pytest.mark.parametrize(
         ("old", "new", "field"),
         [
-            ("at = [2.0, 0.0]", "to = [2.0, 0.0]", "mesh.outline.corners[1].to"),
             ("size = 0.1 }", "size = -0.1 }", "mesh.outline.corners[2].size"),
             ("radius = 0.2", "radius = 2.0", "mesh.outline.holes[0]"),
             ("radius = 0.2", "radius = -2.0", "mesh.outline.holes[0].radius"),
