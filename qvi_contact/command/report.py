@@ -326,9 +326,9 @@ def limit_sentence(limit: LimitLoad) -> str:
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
     lower, upper = limit.lower, limit.upper
-    if 1e-7 * abs(upper) < upper - lower < math.inf:  # outwards, to a tenth of their distance or less
-        step = 10.0 ** math.floor(math.log10(0.1 * (upper - lower)))
-        lower, upper = math.floor(lower / step) * step, math.ceil(upper / step) * step
+    if 1e-7 * abs(upper) < upper - lower < math.inf:  # outwards, to 1e-3 of their distance; what is left is rounding
+        step = 10.0 ** math.floor(math.log10(1e-3 * (upper - lower)))
+        lower, upper = math.floor(lower / step + 1e-6) * step, math.ceil(upper / step - 1e-6) * step
     sides = ("at least", lower), ("at most", upper)
     numbers = " and ".join(f"{side} about {factor:.9g} times" for side, factor in sides if math.isfinite(factor))
     if numbers and not limit.guaranteed:

@@ -43,6 +43,10 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
 
 _MOST_VALUES: Final = 1_000_000  # largest number of values in --set NAME=START:STOP:COUNT
+_MAY_SLIDE: Final = (
+    "Under Coulomb friction the body may slide all the same: check it by qvi-contact solve, or give a displacement in "
+    "place of the load, whose force grows until the body slides."
+)
 _RESERVED: Final = (*PARAMETERS, "title", "solved", "steps")  # keys of JSON: there a constant is constants.NAME
 
 
@@ -206,10 +210,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     if limit_load.missing:
         remarks.append(f"The other bound was not found: {limit_load.missing.removeprefix('limit load: ')}.")
     elif limit_load.upper == math.inf:
-        remarks.append(
-            "If other loads act, smaller multiples, even 1, may be too small to hold the body. Under Coulomb friction "
-            "it may slide at any multiple: check a load by qvi-contact solve."
-        )
+        remarks.append(f"If other loads act, a multiple, even 1, may be too small to hold the body. {_MAY_SLIDE}")
     lines = [f"{', '.join(loads)}: {report.limit_sentence(limit_load)}", *refined_lines, *remarks]
     if limit_load.mechanism is None and limit_load.collapse is None:
         reasons["plot"] = "there is no mechanism to draw in"
@@ -279,7 +280,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
             problem_file.problem, of=list(of) or None, accuracy=accuracy, verbose=verbose, **settings
         )
     late = "The time limit ended the search: both bounds hold, but more time would bring them closer."
-    remarks = [*_time_remark(problem_file), *[late] * (not factor.in_time)]
+    remarks = [*_time_remark(problem_file), *[late] * (not factor.in_time), *[_MAY_SLIDE] * (factor.upper == math.inf)]
     sides = {"lower": factor.lower, "upper": factor.upper, "bounds": factor.guaranteed}
     document = {"of": list(of), **sides, "message": report.safety_sentence(factor), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([report.safety_sentence(factor), *remarks]))

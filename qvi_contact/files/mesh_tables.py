@@ -376,7 +376,7 @@ class _Place:
     """Named edges: on a side or line of a grid, or on a segment of any mesh."""
 
     name: schema.Name
-    """Name by which conditions refer to these edges: `name = "base"`."""
+    """Name by which conditions refer to these edges; tables with the same name are one set: `name = "base"`."""
     start: float | None = None
     """Coordinate where the edges begin along their grid line: `start = 0.5`."""
     stop: float | None = None

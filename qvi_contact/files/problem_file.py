@@ -227,10 +227,13 @@ class Document:
     def _named(self, mesh: TriangleMesh, lines: Lines | None, arcs: Mapping[str, ArcTable]) -> TriangleMesh:
         """Add the tables [[edges]], [[joints]] and [[mesh.arcs]] to a mesh; `lines` are the lines of a grid."""
         edge_sets = dict(mesh.edge_sets)
-        tables = {f"{kind}[{k}]": part for kind in ("edges", "joints") for k, part in enumerate(getattr(self, kind))}
-        for path, part in tables.items():
-            with schema.located(path):
-                edge_sets[new_name(part.name, edge_sets)] = part.pairs(mesh, lines)
+        for kind in ("edges", "joints"):
+            taken = dict(edge_sets)
+            for index, part in enumerate(getattr(self, kind)):
+                with schema.located(f"{kind}[{index}]"):
+                    pairs = part.pairs(mesh, lines)
+                    earlier = edge_sets.get(new_name(part.name, taken), pairs[:0])  # of tables with the same name
+                    edge_sets[part.name] = np.concatenate([earlier, pairs])
         mesh = replace(mesh, edge_sets=edge_sets)
         for path, arc in arcs.items():
             with schema.located(path, schema.keys_of(ArcTable)):
@@ -404,7 +407,8 @@ class ProblemFile(WithFields):
         try:
             yield
         except InputError as error:
-            path = _RENAMED.get(error.field, error.field)
+            # the text of an error about a plate or pin names its contact
+            path = _RENAMED.get(error.field, error.field.replace(f"{RigidPlate.__name__}.", "contacts.plate."))
             for kind, options in (("refine", self.refine_options), ("solve", self.solve_options)):
                 if error.value is not None and options.get(error.field) == error.value:  # the file has that value
                     path = f"{kind}.{error.field}"

@@ -117,8 +117,6 @@ def refuse_overlap(mesh: MeshParts) -> None:
     half_turns = np.append(bends[~is_curve, 1], np.diff(angles(bends[is_curve], t), axis=1) / 2.0)
     all_ends = np.concatenate([ends[~is_curve], np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2, 2)])
     crossed, side = crossing(all_ends, half_turns), np.append(numbers[~is_curve], numbers[is_curve].repeat(_PIECES))
-    if not len(crossed):
-        return
     crossed = crossed[~_are_cusps(mesh, side[crossed])]
     if len(crossed):
         remedy = (
@@ -178,8 +176,6 @@ def hanging_vertices(mesh: MeshParts, reach: float = 0.0) -> tuple[IntArray, Flo
     candidates = np.bincount(topology.ends[outer].ravel()).nonzero()[0]
     margin = 1e-6 if reach else -1e-6
     edge, vertex = in_circles(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + margin))
-    if not len(edge):
-        return np.empty((0, 2), dtype=np.int64), np.empty(0)
     vertex = candidates[vertex]
     offset, chord, length = vertices[vertex] - first[edge], (second - first)[edge], lengths[edge]
     bend = mesh.bends[outer[edge]]

@@ -37,7 +37,6 @@ _MAX_TRIANGLES: Final = 200_000
 # relative to the body's length:
 _SAME_PLACE: Final = 1e-9  # points at this distance coincide
 _MIN_DISTANCE: Final = 1e-5  # least distance of points and lines that do not meet
-_MAX_COORDINATE: Final = 1e5  # farther from the origin rounding is too large
 _MIN_SIZE: Final = 1e-7  # of triangles
 _MAX_RADIUS: Final = 1e6  # relative to the chord: a flatter arc is its chord up to rounding
 
@@ -67,6 +66,7 @@ class Corner(Checked):
 
 Line: TypeAlias = Sequence[Corner | Point]
 """Corners in order; a pair of coordinates is a corner without a name."""
+_Arcs: TypeAlias = dict[tuple[object, ...], FloatArray]  # points by ends, centre and sense
 
 
 class Polygon(NamedTuple):
@@ -125,8 +125,9 @@ def polygons(
     if size > LARGEST:
         raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
     given_sizes = mapping("sizes", sizes, "points to sizes", optional=True)
-    boundary = [_polygon("corners", corners, size, closed=True)]
-    boundary += [_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_checked_list(holes))]
+    arcs = _Arcs()
+    lines = {"corners": corners, **{f"holes[{k}]": line for k, line in enumerate(_checked_list(holes))}}
+    boundary = [_polygon(name, line, size, arcs, closed=True) for name, line in lines.items()]
     inner, areas = list[Polygon](), dict[str, Polygon]()
     for kind, value in (("joints", joints), ("regions", regions)):
         for name, line in mapping(kind, value, "names to lines", optional=True).items():
@@ -134,7 +135,7 @@ def polygons(
                 raise InputError(kind, name, "give names that are not empty")
             last = _checked_list(line)[-1:]  # a joint whose last corner begins an arc can only lead back to the first
             closed = kind == "regions" or any(isinstance(each, Corner) and each.centre is not None for each in last)
-            polygon = _polygon(f"{kind}.{name}", line, size, closed=closed)
+            polygon = _polygon(f"{kind}.{name}", line, size, arcs, closed=closed)
             polygon.names[:] = name if kind == "joints" else ""
             inner.append(polygon)
             if kind == "regions":
@@ -150,14 +151,21 @@ def polygons(
     return outline
 
 
-def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
+def _polygon(name: str, line: Line, size: float, arcs: _Arcs, *, closed: bool) -> Polygon:
     corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _checked_list(line)]
     if len(corners) < 2:
         raise InputError(name, len(corners), "give two or more corners")
     least = 2 if closed and len(corners) == 2 else 1  # chords of an arc: those of two corners would lie on one line
     corners += corners[:1] if closed else []
     corner_sizes = [corner.size or size for corner in corners]
-    divisions = [_division(name, *each, least) for each in zip(corners, corners[1:], corner_sizes, strict=False)]
+    divisions = []
+    for corner, stop, corner_size in zip(corners, corners[1:], corner_sizes, strict=False):
+        # an arc that two lines have in common, as a joint and a region, is divided once: else needles would result
+        key = corner.at, stop.at, corner.centre, corner.clockwise
+        if len(arcs.get(key, ())) < least:
+            arcs[key] = _division(name, corner, stop, corner_size, least)
+            arcs[stop.at, corner.at, corner.centre, not corner.clockwise] = np.array([stop.at, *arcs[key][:0:-1]])
+        divisions.append(arcs[key])
     counts = [len(points) for points in divisions]
     if closed and sum(counts) < 3:
         raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
@@ -201,7 +209,7 @@ def _check_sizes(outline: Polygons) -> None:
     """`InputError` if the body has no length, is too far from the origin, or sizes make too many triangles."""
     pieces, sizes, (start, stop) = outline.every.pieces, outline.every.sizes, outline.boundary[0].pieces.swapaxes(0, 1)
     farthest = float(np.abs(pieces).max())
-    if not outline.length > 0.0 or farthest > _MAX_COORDINATE * outline.length:
+    if not outline.length > 0.0 or np.spacing(farthest) > _SAME_PLACE / 4.0 * outline.length:
         raise InputError("corners", farthest, f"the body is {outline.length:g} long: move it to the origin")
     smallest = min(outline.largest, float(sizes.min()), *outline.sizes.tolist())
     if smallest < _MIN_SIZE * outline.length:

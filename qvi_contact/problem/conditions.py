@@ -81,7 +81,7 @@ class Traction(_ByComponents):
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
     """Component σ_N or σ_T instead [stress]; a pressure p is normal = −p. The tangent points to the right, or up on
-    vertical edges, also around a hole: `normal = -10.0`."""
+    vertical edges, also around a hole or a shaft; a torque there is given by x and y: `normal = -10.0`."""
 
 
 @dataclass(frozen=True)

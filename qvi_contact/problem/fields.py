@@ -144,7 +144,7 @@ class Expression(WithFields):
             raise InputError("Expression.constants", self.constants, "give a mapping from names to numbers")
         for name, value in self.constants.items():
             if name in (*_VARIABLES, "pi", *FUNCTIONS):
-                raise InputError(f"constants.{name}", value, "this name means something already: choose another one")
+                raise InputError(f"constants.{name}", value, "is x, y, time t, pi or a function: choose another name")
         # a copy, so the caller's later changes have no effect; floats, as NumPy's integers overflow and float32 rounds
         constants = {name: finite_number(f"constants.{name}", value) for name, value in self.constants.items()}
         object.__setattr__(self, "constants", constants)

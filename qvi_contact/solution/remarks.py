@@ -29,9 +29,8 @@ if TYPE_CHECKING:
 
 _MISFIT: Final = 1e-6  # misfit of prescribed tractions over the unit of stress, above which a remark is made
 _STOPPED: Final = 1e-3  # motion of a plate beyond a support over the unit of displacement, above which it is named
-_ROUNDED: Final = 1e-6  # rounding of stresses over the certificate's unit of stress, above which a remark is made
 _FAR: Final = 1e4  # gaps over displacements, above which rounding of gaps explains an inaccurate result
-_LARGE_STRAIN: Final = 0.05  # strain above which the theory of small strains is a first guess
+_LARGE_STRAIN: Final = 0.05  # strain or rotation [rad] above which the theory of small displacements is a first guess
 _LARGE_FRICTION: Final = 1.0  # friction from which on a remark is made, as several solutions are known
 _EXCESS: Final = 1e-2  # excess of friction between points over the contact's largest traction, allowed without remark
 _EDGES_IN_CONTACT: Final = 4  # least number of edges that resolve a contact zone on an arc
@@ -81,7 +80,7 @@ def stopped_plates(result: ContactResult) -> Iterator[str]:
 
 
 def _about_numbers(result: ContactResult) -> Iterator[str]:
-    """Sentences about accuracy and uniqueness: misfit, large strains, several solutions, digits lost in rounding."""
+    """Sentences about accuracy and uniqueness: misfit, large strains or turns, several solutions, digits lost."""
     scales, certified, qvi = result.discretization.scales, result.certificate.scales, result.solution.problem
     if result.traction_misfit > _MISFIT * scales.stress:
         yield (
@@ -100,6 +99,13 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             f"Half of the body has strains above {strain:.2g}. Strains and displacements are taken to be small: "
             "this answer is a first guess. If you expected less, check the units of moduli, loads and lengths."
         )
+    for rows in result.discretization.contacts:
+        turn = abs(result.plates[rows.name].rotation) if rows.name in result.plates else 0.0
+        if turn > _LARGE_STRAIN and np.ptp(rows.points.normals, axis=0).max() <= _MOVES:  # a pin may turn in its bore
+            yield (
+                f"The plate of {rows.name!r} turns by {turn:.2g} rad. Rotations are taken to be small: this answer is "
+                "a first guess, and the body may tip over."
+            )
     friction = float(qvi.mu[qvi.law.moving].max(initial=0.0))
     large = friction >= _LARGE_FRICTION and result.status is Status.SOLVED and not result.solution.remarks
     unique = False  # friction below the bound that proves uniqueness, on usual meshes 0.01 to 0.1
@@ -111,11 +117,6 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             "This is one of them. To look for others, call other_solutions(result) in Python."
         )
     yield from (motion.remark for motion in undetermined_motions(result))
-    if result.stress_rounding > _ROUNDED * certified.get("stress", 1.0) * scales.stress:
-        yield (
-            f"Rounding makes stresses in the smallest cells uncertain by up to {result.stress_rounding:.2g} [stress]. "
-            "Forces and energies are not affected. Use larger cells there, or less grading."
-        )
     largest = largest_counted(result)
     if largest is not None:
         yield (

@@ -42,9 +42,9 @@ class Status(Ending):
     INNER_INFEASIBLE = (
         "inner_infeasible",
         "No equilibrium within Coulomb's bounds was found. This is no proof that there is none, but the load may "
-        "be beyond what friction can carry. A limit analysis (limit_load_factor, or qvi-contact limit) gives that "
-        "limit from both sides. Below the limit take a higher degree or a finer mesh, on which there may be a "
-        "solution, or start from the result of a smaller load (initial=…).",
+        "be beyond what friction can carry: a limit analysis (limit_load_factor, or qvi-contact limit) bounds it, and "
+        "a displacement in place of the load finds it, as its force grows until the body slides. Below the limit take "
+        "a higher degree or a finer mesh, or start from the result of a smaller load (initial=…).",
     )
     ILL_CONDITIONED = (
         "ill_conditioned",

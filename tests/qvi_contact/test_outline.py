@@ -101,7 +101,7 @@ class TestPolygons:
             ({"holes": [Corner.circle((0.5, 0.5), r) for r in (0.3, 0.1)]}, "holes[1]", "not inside"),
             ({"holes": Corner.circle((0.5, 0.5), 0.3)}, "outline", "lists for holes"),
             ({"corners": [*SQUARE, (0.0, 1.0 - 1e-9)]}, "outline", "one after the other"),
-            ({"corners": [(x + 1e6, y) for x, y in SQUARE]}, "corners", "to the origin"),
+            ({"corners": [(x + 1e7, y) for x, y in SQUARE]}, "corners", "to the origin"),
             ({"joints": {"seam": [(0.5, 1e-7), (0.5, 0.5)]}}, "outline", "nearly lies"),
             ({"holes": [Corner.circle((0.5, 0.5), 0.4999999)]}, "outline", "nearly lies"),
             ({"joints": {"": [(0, 0), (1, 1)]}}, "joints", "not empty"),
@@ -184,9 +184,10 @@ class TestMeshes:
         joints = {"up": [(0.5, 0.0), (0.5, 0.7)], "across": [(0.2, 0.5), (0.8, 0.5)]}
         mesh = TriangleMesh.outline(SQUARE, 0.3, joints=joints)
         assert [mesh.edges(name).length.sum() for name in joints] == pytest.approx([0.7, 0.6])
-        circle = Corner.circle((0.5, 0.5), 0.3, size=0.2)
-        mesh = TriangleMesh.outline(SQUARE, 0.3, joints={"pin": circle}, regions={"pin": circle})
+        circle, finer = (Corner.circle((0.5, 0.5), 0.3, size=size) for size in (0.2, 0.1))
+        mesh = TriangleMesh.outline(SQUARE, 0.3, joints={"pin": circle}, regions={"pin": finer[::-1]})
         joint = mesh.edges("pin")
+        assert joint.length == pytest.approx(0.025 * np.pi)  # no point of the region lies between those of the joint
         assert set(np.bincount(np.concatenate([joint.first, joint.second])).tolist()) == {0, 2}
         assert np.isin(joint.cells, mesh.region("pin")).sum(axis=1).tolist() == len(joint) * [1]
 
@@ -208,7 +209,7 @@ class TestMeshes:
         segment = TriangleMesh.outline([Corner((1.0, 0.0), "arc", (0.0, 0.0)), (np.cos(0.3), np.sin(0.3))], 1.0)
         assert segment.edges("arc").length.sum() == pytest.approx(0.3)
 
-    @pytest.mark.parametrize(("size", "away"), [(1e-6, 0.0), (1e5, 0.0), (1.0, 1e4), (3.0, 0.0)])
+    @pytest.mark.parametrize(("size", "away"), [(1e-6, 0.0), (1e5, 0.0), (1.0, 1e6), (3.0, 0.0)])
     def test_neither_units_nor_places_matter(self, size, away):
         """The tolerances of gmsh are absolute. Corners are kept to the last digit, straight lines straight."""
         corners = [(size * (x + away), size * (y - away)) for x, y in SQUARE]
@@ -254,15 +255,10 @@ class TestFiles:
     @pytest.mark.parametrize(
         ("old", "new", "field"),
         [
-            ("at = [2.0, 0.0]", "at = [2.0]", "mesh.outline.corners[1].at"),
-            ("at = [2.0, 0.0]", "to = [2.0, 0.0]", "mesh.outline.corners[1].to"),
             ("size = 0.1 }", "size = -0.1 }", "mesh.outline.corners[2].size"),
-            ("size = 0.25", "size = 0.0", "mesh.outline.size"),
-            ("size = 0.25", "", "mesh.outline.size"),
             ("radius = 0.2", "radius = 2.0", "mesh.outline.holes[0]"),
             ("radius = 0.2", "radius = -2.0", "mesh.outline.holes[0].radius"),
             (", radius = 0.2", "", "mesh.outline.holes[0].radius"),
-            ("radius = 0.2", "radius = 0.2, corners = []", "mesh.outline.holes[0].corners"),
             ("{ at = [0.0, 0.2] }, ", "", "mesh.outline.joints[0]"),
             ("regions = [{", f"regions = [{{ {CORE} }}, {{", "mesh.outline.regions[1].name"),
             ("at = [1.5, 0.5], size", "at = [1.5, 1.5], size", "mesh.outline.sizes"),

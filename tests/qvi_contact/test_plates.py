@@ -106,15 +106,16 @@ def column(plate, friction=0.0, material=STEEL, scale=1.0):
 class TestColumn:
     """A column under a plate, known in closed form."""
 
-    def test_rotation_under_an_eccentric_force(self):
+    @pytest.mark.parametrize("moment", [3.0, -60.0])
+    def test_rotation_under_an_eccentric_force(self, moment):
         """On a bilateral plate: bending by M about the middle, slope 12 M h/(E w³) of the straight column."""
         mesh = TriangleMesh.grid(X - 1.0, Y)
-        moment = 3.0
         plate = Contact("top", 0.0, law="bilateral", plate=RigidPlate(force_y=-30.0, moment=moment), name="plate")
         result = solved(ContactProblem(mesh, STEEL, [Symmetry("bottom"), *FREE, plate]))
         motion = result.plates["plate"]
         assert motion.y == pytest.approx(-0.015, rel=1e-8)
         assert motion.rotation == pytest.approx(12.0 * moment / (1000.0 * 2.0**3), rel=1e-8)
+        assert ("turns by 0.09 rad" in str(result.remarks)) == (moment < 0.0)
         line = result.contacts["plate"]
         assert line.normal_stress == pytest.approx(-15.0 + 12.0 * moment / 8.0 * line.x, rel=1e-7)
 

@@ -171,7 +171,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
      ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.3\ny = [0.0, 0.5]\n[material]", "regions[0]", "cuts the"),
      ("[material]", 2 * '[[regions]]\nname = "a"\nx = [0, 1]\nyoung = 1\npoisson = 0\n' + "[material]",
       "regions[1].name", "exists already"),
-     ("[material]", "[constants]\nx = 1.0\n[material]", "constants.x", "means something already"),
+     ("[material]", "[constants]\nx = 1.0\n[material]", "constants.x", "time t, pi or"),
      ("[material]", '[constants]\n"a b" = 1.0\n[material]', "constants.'a b'", "letters"),
      ("[material]", '[[edges]]\nname = "top"\nside = "top"\n[material]', "edges[0].name", "another name"),
      ("young = 1000.0", "young = 1000.0\nbody_potential = 1.0", "material.body_potential", "top of the file"),

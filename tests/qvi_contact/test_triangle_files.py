@@ -147,7 +147,7 @@ def test_what_is_wrong_is_named_by_its_place(old, new, field, words):
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [('side = "top"\nat = 1.0', "segment = [[0.0, 1.0], [1.0, 1.0]]"),
+    [('side = "top"\nat = 1.0', "segment = [[0, 1], [0.5, 1]]\n[[edges]]\nname = 'roof'\nsegment = [[0.5, 1], [1, 1]]"),
      ('direction = "horizontal"\nat = 0.5\nstop = 1.0', "segment = [[0.0, 0.5], [1.0, 0.5]]")],
 )  # fmt: skip
 def test_parts_of_a_grid_may_be_named_by_segments(old, new):
