@@ -29,7 +29,7 @@ from qvi_contact.mesh import cutting
 from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.selection import new_name
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
+from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
 from qvi_contact.problem.material import Material, Region
 from qvi_contact.problem.problem import ContactProblem
