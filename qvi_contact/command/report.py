@@ -326,8 +326,8 @@ def limit_sentence(limit: LimitLoad) -> str:
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
     lower, upper = limit.lower, limit.upper
-    if 1e-7 * abs(upper) < upper - lower < math.inf:  # outwards, to 1e-3 of their distance; what is left is rounding
-        step = 10.0 ** math.floor(math.log10(1e-3 * (upper - lower)))
+    if 1e-7 * abs(upper) < upper - lower < math.inf:  # outwards, to 1e-3 of their distance or to the ninth digit
+        step = 10.0 ** math.floor(math.log10(max(1e-3 * (upper - lower), 1e-8 * max(upper, -lower))))
         lower, upper = math.floor(lower / step + 1e-6) * step, math.ceil(upper / step - 1e-6) * step
     sides = ("at least", lower), ("at most", upper)
     numbers = " and ".join(f"{side} about {factor:.9g} times" for side, factor in sides if math.isfinite(factor))
