@@ -14,6 +14,7 @@ import pytest
 
 from qvi_contact import ContactState, InputError, TriangleMesh, solve
 from qvi_contact.command import number, outline, outline_lines, result_lines, result_page, result_tables
+from qvi_contact.command.report import middle
 from qvi_contact.files import problem_from_toml
 from qvi_contact.plots import mesh_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
@@ -333,6 +334,7 @@ def test_forces_and_moments_of_bodies_in_coordinates_of_a_map():
         rows.append([float(cell.replace("−", "-")) for row in result_tables(result, UNITS)[1][2] for cell in row[1:]])
     assert rows[1] == pytest.approx(rows[0], rel=1e-3)
     assert rows[0][6:9] == [3.0, -40.0, -15.0]  # of the load on top: its arm is 5
+    assert (middle(-0.3, 0.1 + 0.2), middle(5e5, 5e5 + 10.0)) == (0.0, 5e5 + 5.0)
     assert Rounding.of(1.0, 1.0, 10.0).cleaned((3.0, -40.0, -4e8), ("force", "force", "moment")) == [3.0, -40.0, -4e8]
 
 
