@@ -221,7 +221,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
     `InputError` if the argument is not a result, the tolerance is out of range, or the shape of the multipliers does
     not fit the problem. The steps of a `History` are verified one by one.
     """
-    instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns, or one of the steps")
+    instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns; of a History its steps")
     known = result.discretization
     with np.errstate(all="ignore"):  # infinities and NaN fail the checks
         fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)
@@ -234,9 +234,8 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
             with suppress(KeyError):
                 names = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
                 claims = {**field_arrays(result), **names}
-        return Verification(
-            tuple(_rows(result, remade, claims, tolerance)), result.status, remade.certificate.tolerance
-        )
+        rows = tuple(_rows(result, remade, claims, tolerance))
+        return Verification(rows, result.status, remade.certificate.tolerance)
 
 
 def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:

@@ -104,12 +104,6 @@ def parse(name, words):
         command.make_context(name, list(words))
 
 
-def undrawn(words):
-    """The words of a command without the pictures and pages that it would make."""
-    drawn = {at + k for at, word in enumerate(words) if word in DRAWN for k in (0, 1)}
-    return [word for at, word in enumerate(words) if at not in drawn]
-
-
 def check_console(block):
     """Run or parse each command, and compare what is shown below it."""
     for part in re.split(r"^\$ ", block, flags=re.M)[1:]:
@@ -122,8 +116,10 @@ def check_console(block):
             parse(name, words)
             if words[0] in QUICK[name]:
                 output = StringIO()
+                drawn = {at + k for at, word in enumerate(words) if word in DRAWN for k in (0, 1)}
+                undrawn = [word for at, word in enumerate(words) if at not in drawn]
                 with redirect_stdout(output):
-                    GROUPS[name].main(undrawn(words), prog_name=name, standalone_mode=False)
+                    GROUPS[name].main(undrawn, prog_name=name, standalone_mode=False)
                 printed = lines(output.getvalue())
                 assert not shown or agree(printed, shown), "\n".join(printed)
 

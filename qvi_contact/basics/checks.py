@@ -1,6 +1,7 @@
 """Checks of numbers and functions of position from users."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -88,10 +89,13 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
     if minimum is not None:
         rounding = 1e-14 * np.abs(values[~is_bad]).max(initial=0.0)
         values[(values < minimum) & (values >= minimum - rounding)] = minimum
-        if (values < minimum).any():
+        below = values < minimum
+        if below.any():
             shift = 1e-14 * max(float(np.abs(each).max(initial=0.0)) for each in (x, y))
-            moved = [evaluate(name, field, x + h, y + k) for h in (-shift, shift) for k in (-shift, shift)]
-            values[(values < minimum) & (np.max(moved, axis=0) >= minimum)] = minimum
+            beside = [(x[below] + h, y[below] + k) for h in (-shift, shift) for k in (-shift, shift)]
+            with suppress(InputError), np.errstate(all="ignore"):  # a field may have no values beside the points
+                is_rounding = np.max([evaluate(name, field, *each) for each in beside], axis=0) >= minimum
+                values[below] = np.where(is_rounding, minimum, values[below])
         is_bad |= values < minimum
     if is_bad.any():
         index = np.unravel_index(np.argmax(is_bad), is_bad.shape)

@@ -544,12 +544,12 @@ def _suggestion(kind: type, name: str, known: tuple[str, ...], reader: Reader) -
     listed = f"the keys here are {', '.join(known)}"
     texts = {key: text for each in (kind, *inlined(kind)) for key, text in described(each).items() if key in known}
     meanings = {key: text.rpartition(": `")[0].partition(". ")[0] for key, text in texts.items()}
-    word = rf"\b{re.escape(name)}\b"
+    word = rf"(?<!')\b{re.escape(name)}\b"  # not the s of a possessive
     meant = [m for m, text in meanings.items() if m in name.split("_") or (name != "a" and re.search(word, text))]
-    is_symbol = len(name) == 1  # which is close to no key
-    if name in places and not (is_symbol and meant):
+    if name in places and not (meant and len(name) == 1):  # a symbol
         return f"this belongs to {places[name]}; {listed}"
-    suggestion = None if is_symbol else closest(name, {**dict.fromkeys(known), **places})
+    is_close = len(name) > 1 or name.lower() in known  # a letter is close to no key
+    suggestion = None if not is_close else closest(name, {**dict.fromkeys(known), **places})
     if meant and suggestion not in known:
         return f"there is no such key; did you mean {meant[0]}? {meanings[meant[0]]}; {listed}"
     if suggestion is None:

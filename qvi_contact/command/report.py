@@ -194,12 +194,12 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield f"{place}: {_toml(data)}" if data else place
     for name in outline["whole"]:
         yield f"inner line {name}: no contact, so the body holds together there"
-    middle = sum(mesh["x"]) / 2.0, sum(mesh["y"]) / 2.0
+    centre = middle(*mesh["x"]), middle(*mesh["y"])
     for load in outline["loads"]:
-        moment = moment_about(middle, load["x"], load["y"], load["moment"])
+        moment = moment_about(centre, load["x"], load["y"], load["moment"])
         yield (
             f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
-            f"moment {moment:.6g} {units.moment} about {place_of(middle)}"
+            f"moment {moment:.6g} {units.moment} about {place_of(centre)}"
         )
     for name in ("solve", "refine"):
         if outline[name]:
@@ -211,6 +211,11 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         values = outline["sweep"]["values"]
         yield f"sweep: {outline['sweep']['parameter']}, {len(values)} values from {min(values):g} to {max(values):g}"
     yield from (f"remark: {remark}" for remark in outline["remarks"])
+
+
+def middle(low: float, high: float) -> float:
+    """The middle of a range of coordinates; 0 if it is rounding."""
+    return (low + high) / 2.0 if abs(low + high) > _NOISE * (high - low) else 0.0
 
 
 def moment_about(point: tuple[float, float], x: float, y: float, moment: float) -> float:
@@ -326,8 +331,8 @@ def limit_sentence(limit: LimitLoad) -> str:
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
     lower, upper = limit.lower, limit.upper
-    if 1e-7 * abs(upper) < upper - lower < math.inf:  # outwards, to 1e-3 of their distance; what is left is rounding
-        step = 10.0 ** math.floor(math.log10(1e-3 * (upper - lower)))
+    if 1e-7 * abs(upper) < upper - lower < math.inf:  # outwards, to 1e-3 of their distance or to the ninth digit
+        step = 10.0 ** math.floor(math.log10(max(1e-3 * (upper - lower), 1e-8 * max(upper, -lower))))
         lower, upper = math.floor(lower / step + 1e-6) * step, math.ceil(upper / step - 1e-6) * step
     sides = ("at least", lower), ("at most", upper)
     numbers = " and ".join(f"{side} about {factor:.9g} times" for side, factor in sides if math.isfinite(factor))

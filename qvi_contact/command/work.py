@@ -28,6 +28,7 @@ from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, evenly, load_problem
+from qvi_contact.problem.conditions import has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import PARAMETERS, RefineOptions, Settings
@@ -210,7 +211,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     if limit_load.missing:
         remarks.append(f"The other bound was not found: {limit_load.missing.removeprefix('limit load: ')}.")
     elif limit_load.upper == math.inf:
-        remarks.append(f"If other loads act, a multiple, even 1, may be too small to hold the body. {_MAY_SLIDE}")
+        remarks.append("If other loads act, a multiple, even 1, may be too small to hold the body.")
+        remarks += [_MAY_SLIDE] * any(map(has_coulomb, problem.contacts))
     lines = [f"{', '.join(loads)}: {report.limit_sentence(limit_load)}", *refined_lines, *remarks]
     if limit_load.mechanism is None and limit_load.collapse is None:
         reasons["plot"] = "there is no mechanism to draw in"
@@ -280,7 +282,8 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
             problem_file.problem, of=list(of) or None, accuracy=accuracy, verbose=verbose, **settings
         )
     late = "The time limit ended the search: both bounds hold, but more time would bring them closer."
-    remarks = [*_time_remark(problem_file), *[late] * (not factor.in_time), *[_MAY_SLIDE] * (factor.upper == math.inf)]
+    may_slide = factor.upper == math.inf and any(map(has_coulomb, problem_file.problem.contacts))
+    remarks = [*_time_remark(problem_file), *[late] * (not factor.in_time), *[_MAY_SLIDE] * may_slide]
     sides = {"lower": factor.lower, "upper": factor.upper, "bounds": factor.guaranteed}
     document = {"of": list(of), **sides, "message": report.safety_sentence(factor), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([report.safety_sentence(factor), *remarks]))

@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, instance_of, mapping, positive_number, real_array
 from qvi_contact.basics.schema import WithFields
 from qvi_contact.errors import InputError
 from qvi_contact.mesh import cutting
@@ -513,8 +513,7 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
 
     def parents(self, coarse: TriangleMesh) -> IntArray:
         """The triangle of a coarser mesh of the same body in which each triangle lies, shape (m,)."""
-        if not isinstance(coarse, TriangleMesh):
-            raise InputError("coarse", coarse, "give a TriangleMesh")
+        instance_of(TriangleMesh, "coarse", coarse)
         return coarse.locate(self.corners.mean(axis=1))
 
     def refined(self, marked: ArrayLike | None = None) -> TriangleMesh:

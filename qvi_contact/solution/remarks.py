@@ -99,12 +99,13 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             f"Half of the body has strains above {strain:.2g}. Strains and displacements are taken to be small: "
             "this answer is a first guess. If you expected less, check the units of moduli, loads and lengths."
         )
-    for rows in result.discretization.contacts:
+    for contact, rows in zip(result.problem.contacts, result.discretization.contacts, strict=True):
         turn = abs(result.plates[rows.name].rotation) if rows.name in result.plates else 0.0
         if turn > _LARGE_STRAIN and np.ptp(rows.points.normals, axis=0).max() <= _MOVES:  # a pin may turn in its bore
+            tips = "" if contact.plate is None or contact.plate.moment is None else ", and the body may tip over"
             yield (
                 f"The plate of {rows.name!r} turns by {turn:.2g} rad. Rotations are taken to be small: this answer is "
-                "a first guess, and the body may tip over."
+                f"a first guess{tips}."
             )
     friction = float(qvi.mu[qvi.law.moving].max(initial=0.0))
     large = friction >= _LARGE_FRICTION and result.status is Status.SOLVED and not result.solution.remarks

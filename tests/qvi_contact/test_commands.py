@@ -181,6 +181,9 @@ def test_limit(shell, sliding):
     said = shell("limit", sliding, *loads, *loads, "--plot", picture := sliding.with_name("a.svg"))[1]
     assert said.startswith("drag: this mesh carries 0.99009901 times")  # named once
     assert re.findall("[0-9.-]+", limit_sentence(LimitLoad(-1e-14, 2.0 + 1e-14, None, 2.0, 0.0))) == ["0", "2"]
+    lower, upper = 0.1015148965, 0.1015149074
+    shown = re.findall("[0-9.]+(?= times)", limit_sentence(LimitLoad(lower, upper, None, lower, 0.0)))
+    assert float(shown[0]) <= lower < upper <= float(shown[1])
     assert picture.stat().st_size > 1000
     assert "even 1, may be too small" in shell("limit", sliding, "--load", "pressure")[1]
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
@@ -189,6 +192,9 @@ def test_limit(shell, sliding):
     refused(shell("limit", cyclic, "--load", "left"), "multiply. These loads are those at t = 0, the first time")
     said = shell("safety", cyclic, "--accuracy=0.5", "--json")[1]
     assert re.search("at t = 0, the first time.*friction the body may slide", said, re.DOTALL)
+    smooth = sliding.with_name("smooth.toml")
+    smooth.write_text(re.sub("(mu|T) = [0-9.]+", r"\1 = 0.0", sliding.read_text(encoding="utf-8")), encoding="utf-8")
+    assert shell("limit", smooth, "--load", "pressure")[1].endswith("to hold the body.\n")  # and nothing about friction
     late = sliding.with_name("late.toml")
     late.write_text(sliding.read_text(encoding="utf-8") + "[history]\ntimes = [0.5, 2.0, -1.0]\n", encoding="utf-8")
     assert "3 steps, t between -1 and 2; shown at t = 0.5\n" in shell("check", late)[1]
@@ -197,11 +203,6 @@ def test_limit(shell, sliding):
     reached = found["status"], found["guaranteed"], found["rounds"], 0.0 <= found["estimate"] <= 1e-4
     assert reached == ("reached", True, 1, True)
     refused(shell("limit", sliding, *loads, "--target", "-1"), "qvi-contact: --target: -1.0")
-
-
-def table_rows(text):
-    """Cells of the rows of rounds."""
-    return [line.split() for line in text.splitlines() if re.match(r"\d+ +\d+ ", line)]
 
 
 class TestRefine:
@@ -217,7 +218,8 @@ class TestRefine:
         known = refine(load_problem(file).problem, target=1e-3, quantity=FORCE, degree=4)
         assert (status, known.guaranteed) == (0, True)
         rounds = [[str(r.unknowns), f"{r.value:.9g}", "guaranteed"] for r in known.rounds]
-        assert [[*row[2:4], row[-1]] for row in table_rows(out)] == rounds
+        rows = [line.split() for line in out.splitlines() if re.match(r"\d+ +\d+ ", line)]
+        assert [[*row[2:4], row[-1]] for row in rows] == rounds
         assert "This is a guaranteed bound" in out
         assert "friction" not in out
         assert f"{FORCE} [N/mm]" in out

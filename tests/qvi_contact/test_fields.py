@@ -103,6 +103,8 @@ class TestExpression:
         assert (evaluate("friction", lambda _, y: 0.3 * y, x, 0.0 * x - 1e-17, minimum=0.0) == 0.0).all()
         with pytest.raises(InputError, match="at least 0"):
             evaluate("friction", lambda _, y: 0.3 * y, x, 0.0 * x - 1e-3, minimum=0.0)
+        with pytest.raises(InputError, match=r"-0\.1: .*\(0, 0\)"):  # beside that place there is no root
+            evaluate("friction", lambda x, _: np.sqrt(x) - 0.1, x, 0.0 * x, minimum=0.0)
 
     def test_integers_are_numbers(self):
         """No exact arithmetic of whole numbers, which has no limit; overflow is infinity."""

@@ -14,6 +14,7 @@ import pytest
 
 from qvi_contact import ContactState, InputError, TriangleMesh, solve
 from qvi_contact.command import number, outline, outline_lines, result_lines, result_page, result_tables
+from qvi_contact.command.report import middle
 from qvi_contact.files import problem_from_toml
 from qvi_contact.plots import mesh_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
@@ -333,20 +334,19 @@ def test_forces_and_moments_of_bodies_in_coordinates_of_a_map():
         rows.append([float(cell.replace("−", "-")) for row in result_tables(result, UNITS)[1][2] for cell in row[1:]])
     assert rows[1] == pytest.approx(rows[0], rel=1e-3)
     assert rows[0][6:9] == [3.0, -40.0, -15.0]  # of the load on top: its arm is 5
+    assert (middle(-0.3, 0.1 + 0.2), middle(5e5, 5e5 + 10.0)) == (0.0, 5e5 + 5.0)
     assert Rounding.of(1.0, 1.0, 10.0).cleaned((3.0, -40.0, -4e8), ("force", "force", "moment")) == [3.0, -40.0, -4e8]
 
 
-@pytest.fixture(scope="module")
-def overlapping():
-    """Two blocks that overlap by 0.05 in a joint without friction, as in a shrink fit: nothing else loads them."""
+def test_what_an_overlap_alone_loads_has_the_pressure_as_its_unit():
+    """Two blocks that overlap by 0.05 in a joint without friction, as in a shrink fit: σ = E δ/h.
+
+    The problem's own unit of stress, that of a strain of 1e-6, is far below it. The joint is closed, without stick.
+    """
     mesh = TriangleMesh.rectangle((3, 4), 1.5, 2.0).with_joint("fit", lambda x, y: (y == 1.0) & (x > -1.0))
     held = [Symmetry("bottom"), Symmetry("left"), Symmetry("top"), Traction("right", x=0.0, y=0.0)]
     conditions = [Contact("fit", friction=0.0, gap=-0.05), *held]
-    return solve(ContactProblem(mesh, Material(2.1e5, 0.3, "stress"), conditions), degree=4)
-
-
-def test_what_an_overlap_alone_loads_has_the_pressure_as_its_unit(overlapping):
-    """Uniform compression, σ = E δ/h: the problem's own unit of stress, that of a strain of 1e-6, is far below it."""
+    overlapping = solve(ContactProblem(mesh, Material(2.1e5, 0.3, "stress"), conditions), degree=4)
     line = overlapping.contacts["fit"]
     assert -line.normal_stress == pytest.approx(2.1e5 * 0.05 / 2.0)
     assert overlapping.discretization.scales.stress < 1e-3 * np.abs(line.normal_stress).max()
@@ -362,13 +362,9 @@ def test_what_an_overlap_alone_loads_has_the_pressure_as_its_unit(overlapping):
             assert (cell == "0") == (abs(value) <= least)
     assert line.forces[1] == 0.0
     assert not tiny(" ".join(report))
-
-
-def test_a_joint_without_friction_is_open_or_closed(overlapping):
-    line = overlapping.contacts["fit"]
     assert line.shares == {"open": pytest.approx(0.0), "closed": pytest.approx(1.0)}
     assert not np.isin(line.state, [ContactState.STICK, ContactState.SLIP]).any()
-    assert "stick" not in "\n".join(result_lines(overlapping, UNITS))
+    assert "stick" not in "\n".join(report)
 
 
 def test_a_bad_certificate_leaves_large_numbers(squeezed):

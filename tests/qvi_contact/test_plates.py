@@ -115,7 +115,11 @@ class TestColumn:
         motion = result.plates["plate"]
         assert motion.y == pytest.approx(-0.015, rel=1e-8)
         assert motion.rotation == pytest.approx(12.0 * moment / (1000.0 * 2.0**3), rel=1e-8)
-        assert ("turns by 0.09 rad" in str(result.remarks)) == (moment < 0.0)
+        turned = replace(plate, plate=RigidPlate(y=motion.y, rotation=motion.rotation))
+        turned = solved(replace(result.problem, conditions=[Symmetry("bottom"), *FREE, turned]))
+        remarks = [" ".join(each.remarks) for each in (result, turned)]
+        assert ["turns by 0.09 rad" in each for each in remarks] == 2 * [moment < 0.0]
+        assert ["may tip over" in each for each in remarks] == [moment < 0.0, False]  # a given rotation is none
         line = result.contacts["plate"]
         assert line.normal_stress == pytest.approx(-15.0 + 12.0 * moment / 8.0 * line.x, rel=1e-7)
 

@@ -132,6 +132,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
      ("friction = 0.2", "frictoin = 0.2", "contacts[0].frictoin", "did you mean friction"),
      ("friction = 0.2", "c = 0.2", "contacts[0].c", "did you mean cohesion"),
      ("friction = 0.2", "t = 0.2", "contacts[0].t", "there is no such key; the keys here are"),
+     ("friction = 0.2", "s = 0.2", "contacts[0].s", "there is no such key; the keys here are"),
      ("young = 1000.0", "young_modulus = 1.0", "material.young_modulus", "did you mean young"),
      ("version = 1", "version = 1\ndegre = 4", "degre", "did you mean degree, of [solve]?"),
      ("[mesh]", "[mesh]\nyoung = 1.0", "mesh.young", "this belongs to [material]"),

@@ -14,17 +14,14 @@ FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
 STACK = TriangleMesh.grid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0, 1.5, 2.0]).with_joint("joint", lambda _, y: y == 1.0)
 
 
-def column(base, joint, top):
-    return ContactProblem(STACK, Material(E, NU), [*FREE, base, joint, top])
-
-
 @pytest.mark.parametrize("law", ["tied", "bilateral", "unilateral"])
 def test_a_column_on_a_bed(law):
     """Springs and columns in series: h/E + 1/k of the bed + 1/k of the joint, whatever the law."""
     plate = RigidPlate(force_y=-5.0, x=0.0, rotation=0.0)
     base = Contact("bottom", 0.0, law=law, normal_stiffness=50.0)
     joint = Contact("joint", 0.0, law="tied", normal_stiffness=Expression("20 + 0 * x"))
-    result = solve(column(base, joint, Contact("top", 0.0, law="tied", plate=plate)))
+    top = Contact("top", 0.0, law="tied", plate=plate)
+    result = solve(ContactProblem(STACK, Material(E, NU), [*FREE, base, joint, top]))
     compliance = 2.0 / E + 1.0 / 50.0 + 1.0 / 20.0
     assert result.plates["top"].y == pytest.approx(-5.0 * compliance, rel=1e-9)
     assert result.energies.strain == pytest.approx(0.5 * 25.0 * compliance, rel=1e-9)

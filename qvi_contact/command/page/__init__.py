@@ -191,10 +191,10 @@ def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """The tables of a result: contacts, resultants on the edge sets of conditions, plates and pins."""
     least, numbers = result.rounding, contact_numbers(result)
     vertices = result.problem.mesh.vertices
-    middle = ((vertices.min(axis=0) + vertices.max(axis=0)) / 2.0).tolist()
-    about = report.with_units(("F_x", "F_y", f"moment about {place_of(middle)}"), RESULTANT, units)
+    x, y = map(report.middle, vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist())
+    about = report.with_units(("F_x", "F_y", f"moment about {place_of((x, y))}"), RESULTANT, units)
     forces = {each.edges: vars(result.resultant(each.edges)) for each in result.problem.conditions}
-    moments = {name: {"moment": report.moment_about(middle, **force)} for name, force in forces.items()}
+    moments = {name: {"moment": report.moment_about((x, y), **force)} for name, force in forces.items()}
     resultants = [_row(name, force | moments[name], RESULTANT, least) for name, force in forces.items()]
     plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
     tables = [
