@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.sparse import eye_array, vstack
+from scipy.sparse import diags_array, eye_array, vstack
 
 from solvers import FrictionQVI, Stiffness, certify, solve_qvi
 from solvers.certificate import EXPONENTS, law_residuals, scales_at, uniqueness, uniqueness_bound
@@ -119,6 +119,21 @@ def test_measures_do_not_depend_on_units(stress, length):
     other = certify(scaled, z, energy / stress * m_N, energy / stress * m_T).measures
     for name in EXPONENTS:
         assert other[name] == pytest.approx(plain[name], rel=1e-6, abs=1e-14), name
+
+
+@pytest.mark.parametrize("n", [10, 1000])
+def test_a_wrong_multiplier_of_an_equation_counts_by_its_work_on_any_mesh(n):
+    """The mean of z at the nodes of a string is 1; ν is the opposite of the load that it takes, twice the energy."""
+    K = diags_array([np.full(n - 1, -1.0), np.full(n, 2.0), np.full(n - 1, -1.0)], offsets=[-1, 0, 1])
+    rows, zero = np.eye(n)[[0]], np.zeros(1)
+    qvi = FrictionQVI.from_arrays(
+        K, np.zeros(n), -rows, zero, rows, zero, mu=[2.0], W=[1.0], A=np.full((1, n), 1.0 / n), b=[1.0]
+    )
+    z, nu = qvi.bonded_state.corrected
+    exact, wrong = (certify(qvi, z, zero, zero, each) for each in (nu, 1.001 * nu))
+    assert exact.passed
+    work = 1e-3 * abs(nu[0]) / wrong.scales["energy"]
+    assert wrong.measures["stationarity"] == pytest.approx(work, rel=1e-2)
 
 
 @pytest.mark.parametrize("size", [1e-14, 1e14])

@@ -205,6 +205,17 @@ def test_forms_agree(make, equalities):
     assert condensed.equality_multiplier == pytest.approx(full.equality_multiplier, abs=1e-6)
 
 
+@pytest.mark.parametrize("form", ["full", "condensed"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_inner_problems_have_the_unit_of_the_state_and_not_that_of_the_bonded_one(seed, form):
+    """Loads of rounding beside tractions, and loads that only gaps take: the bonded state has nothing or far more."""
+    qvi = random_problem(seed, n=20)
+    least = qvi.with_loads(f=1e-13 * qvi.f, n0=np.linspace(-1.0, 1.0, qvi.m))
+    free = qvi.with_loads(f=1e5 * qvi.N.T @ np.linspace(1.0, 2.0, qvi.m), n0=np.zeros(qvi.m), t0=np.zeros(qvi.m))
+    for problem in (least, free):
+        assert solve_qvi(problem, "fixed-point", form=form).solved
+
+
 def test_condensed_tractions_and_energy_are_those_of_the_unknowns():
     """σ = σ_bonded + V w and the energy grows by ½|w|², for w = −Vᵀ m and z minimising under the multipliers m."""
     qvi = random_problem(5, equalities=1)
