@@ -110,9 +110,8 @@ def test_equations_may_have_any_unit_repeat_each_other_and_say_nothing(size):
     free, nothing = random_problem(3), {"A": np.zeros((2, qvi.n)), "b": np.zeros(2)}
     assert changed(free, **nothing).bonded == pytest.approx(free.bonded, rel=1e-12)
     units = np.where(np.arange(qvi.n) == 4, size, 1.0)  # those of the unknowns
-    data = {name: getattr(qvi, name) * units for name in ("f", "N", "T", "A")}
-    rest = {name: getattr(qvi, name) for name in ("n0", "t0", "mu", "W", "b")}
-    other = FrictionQVI.from_arrays(K=units[:, None] * qvi.K.toarray() * units, **data, **rest)
+    scaled = {name: getattr(qvi, name).toarray() * units for name in ("N", "T", "A")}
+    other = changed(qvi, K=units[:, None] * qvi.K.toarray() * units, f=qvi.f * units, **scaled)
     assert units * other.bonded == pytest.approx(qvi.bonded, rel=1e-9)
 
 
