@@ -197,7 +197,7 @@ def in_other_units(seed, equalities=0):
 @pytest.mark.parametrize("equalities", [0, 2])
 @pytest.mark.parametrize("make", [random_problem, partly_frictionless, in_other_units])
 def test_forms_agree(make, equalities):
-    qvi = make(7, equalities=equalities)
+    qvi = make(5, equalities=equalities)
     full, condensed = (solve_qvi(qvi, inner="direct:clarabel", form=form) for form in ("full", "condensed"))
     assert full.status is condensed.status is Status.SOLVED
     assert (full.form, condensed.form) == ("full", "condensed")
