@@ -55,16 +55,10 @@ def test_wrong_results_fail(what):
     certificate = certify(qvi, *WRONG[what](*parts))
     assert not certificate.passed
     assert certificate.accuracy > 1e-7
-
-
-def test_a_wrong_tangential_sign_shows_in_every_measure_that_knows_it():
-    qvi, parts = solved()
-    plain = certify(qvi, *parts)
-    assert plain.worst in plain.summary()
-    assert plain.limits["natural_map"] == pytest.approx(1e-5)
-    measures = certify(qvi, *WRONG["all signs of m_T"](*parts)).measures
-    for name in ("stationarity", "sign", "complementarity_tangential", "energy_gap", "natural_map"):
-        assert measures[name] > 1e-2, name
+    assert certificate.worst in certificate.summary()
+    assert certificate.limits["natural_map"] == pytest.approx(1e-5)
+    known = ("stationarity", "sign", "complementarity_tangential", "energy_gap", "natural_map")
+    assert what != "all signs of m_T" or min(certificate.measures[name] for name in known) > 1e-2
 
 
 @pytest.mark.parametrize("missing", range(4))
