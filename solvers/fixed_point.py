@@ -49,7 +49,7 @@ from solvers.solution import Iteration, Outcome
 #
 # In both forms points without friction have equations T z + t0 = 0. As inequalities |T z + t0| ≤ 0 they would have no
 # interior, and linearly dependent ones would contradict each other by rounding. At bilateral points the rows of N are
-# no constraints; they become 0 ≤ `unit`.
+# no constraints; they become 0 ≤ 1 in the unit of the inner problem.
 
 CONDENSED_LIMIT = 2000
 """Rows of B, 2m, up to which "auto" condenses."""
@@ -67,20 +67,18 @@ class FullForm:
     rows: BoolVector  # (m,), points without friction
     equations: IntVector  # (k,) points whose rows of T, linearly independent, are the last k rows of A
     sizes: Vector  # (k,) lengths of these rows of T, which are scaled to length one in A
-    unit: float = 1.0  # of z in inner problems, √(2 × bonded energy): tolerances of back ends are absolute
     name: ClassVar[str] = "full"
 
     @classmethod
     def of(cls, qvi: FrictionQVI) -> "FullForm":
         """The full form of a problem, which is the problem itself if it has no such points."""
-        unit = float(2.0 ** np.round(np.log2(2.0 * qvi.bonded_state.strain_energy or 1.0) / 2.0))  # exact as a factor
         if qvi.bilateral.any():
             N = csc_array(diags_array(np.where(qvi.bilateral, 0.0, 1.0)) @ qvi.N)
             N.eliminate_zeros()
-            qvi = qvi.with_contact(N=N, traces=None).with_loads(n0=np.where(qvi.bilateral, -unit, qvi.n0))
+            qvi = qvi.with_contact(N=N, traces=None).with_loads(n0=np.where(qvi.bilateral, -1.0, qvi.n0))
         rows = qvi.frictionless
         if not rows.any():
-            return cls(qvi, rows, np.zeros(0, dtype=np.int64), np.zeros(0), unit)
+            return cls(qvi, rows, np.zeros(0, dtype=np.int64), np.zeros(0))
         equations = rows.nonzero()[0]
         equations = equations[basis(qvi.T[equations]).rows]
         chosen, has_friction = qvi.T[equations], np.where(rows, 0.0, 1.0)
@@ -89,11 +87,11 @@ class FullForm:
         contact = replace(qvi.contact, T=csc_array(diags_array(has_friction) @ qvi.T), A=A, traces=None)
         b = np.concatenate([qvi.b, -qvi.t0[equations] / sizes])
         problem = replace(qvi, contact=contact, loads=replace(qvi.loads, t0=has_friction * qvi.t0, b=b))
-        return cls(problem, rows, equations, sizes, unit)
+        return cls(problem, rows, equations, sizes)
 
     def threshold(self, threshold: Vector) -> Vector:
-        """The friction bound (m,) of the inner problem: any above 0, never reached, at points with an empty row."""
-        return np.where(self.rows, self.unit, threshold)
+        """The friction bound (m,) of the inner problem: 1, which is never reached, at points with an empty row."""
+        return np.where(self.rows, 1.0, threshold)
 
     def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:  # noqa: ARG002
         """The point about which the next inner problem is expanded: the last result, or the bonded solution."""
@@ -127,7 +125,7 @@ class CondensedForm:
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],
             T=csc_array(self._V[m:]), t0=bonded[m:], mu=qvi.mu, W=qvi.W, bilateral=qvi.bilateral,
         )  # fmt: skip
-        self.threshold, self.unit = full.threshold, full.unit
+        self.threshold = full.threshold
 
     def centre(self, inner: InnerSolution | None, result: InnerSolution | None) -> Centre:
         """The w of the last multipliers, with the tractions of the accurate z, so that errors of V decay."""
@@ -221,6 +219,11 @@ _NOISE = 1e-4  # residual below which a cycle is caused by inaccurate inner solu
 _OTHER_INNER = "Take another inner solver, listed by solvers.available(), or cells that are less thin."
 
 
+def _power_of_two(energy: float) -> float:
+    """√energy up to a factor of √2: exact as a factor."""
+    return float(2.0 ** np.round(np.log2(energy) / 2.0))
+
+
 class _Loop:
     """The state of the outer iteration."""
 
@@ -231,6 +234,9 @@ class _Loop:
         self.s = qvi.pressure(qvi.bonded) if options.initial is None else initial_pressure(qvi, options.initial)
         self.accelerated = options.variant == "anderson"
         mixing = 1.0 if options.variant == "plain" else options.damping
+        scales = scales_at(qvi, qvi.bonded)  # tractions have energy even if the loads have none
+        at_one_point = scales["stress"] * scales["displacement"] * float(qvi.W.min())
+        self.unit = _power_of_two(max(qvi.bonded_state.strain_energy, at_one_point))
         self.map = Anderson(qvi.W, options.memory if self.accelerated else 0, mixing)
         self.feasible: Vector | None = None  # the last s whose inner problem had a solution
         self.previous: InnerSolution | None = None  # the last result, in the original unknowns
@@ -259,7 +265,8 @@ class _Loop:
         else:
             result = self.form.expand(inner)
             g = np.abs(qvi.normal(result.z))
-            stress = scales_at(qvi, result.z)["stress"]
+            scales = scales_at(qvi, result.z)
+            self.unit, stress = _power_of_two(scales["body_energy"]), scales["stress"]
             residual = self._norm(g - self.s) / max(self._norm(g), stress * float(np.sqrt(qvi.W.sum())))
             self._record(result, residual, began)
             if residual < self.best_residual:
@@ -280,16 +287,17 @@ class _Loop:
     def _solve_inner(self, bound: Vector) -> InnerSolution:
         """The result of the inner problem, expanded about the last result, or, if that fails, about the first centre.
 
-        The status is "infeasible" only if that is proved. After a failed inner problem the proof, a linear program, is
+        Tolerances of back ends are absolute: they have the problem in the unit √energy of the last result. The status
+        is "infeasible" only if that is proved. After a failed inner problem the proof, a linear program, is
         tried first: it takes a hundredth of the time.
         """
         form, bound = self.form, np.minimum(bound, np.finfo(np.float64).max)
-        threshold, centre = form.threshold(bound), form.centre(self.inner, self.previous)
+        centre, factor = form.centre(self.inner, self.previous), 1.0 / self.unit
 
         def solved(centre: Centre, start: InnerSolution | None) -> InnerSolution:
-            factor = 1.0 / form.unit
-            start = None if start is None else start.times(factor)
-            return self.solver.solve(factor * threshold, centre.times(factor), start).times(form.unit)
+            start, centre = None if start is None else start.times(factor), centre.times(factor)
+            centre.n0[form.problem.bilateral] = -1.0
+            return self.solver.solve(form.threshold(factor * bound), centre, start).times(self.unit)
 
         last_failed = bool(self.history) and self.history[-1].residual == np.inf
         inner = None if last_failed else solved(centre, self.inner)

@@ -14,7 +14,8 @@ the measures are
     normal                      max (σ_N)⁺ / S, unilateral points
     friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
-                                and √(Σ r_i² / K_ii) / √(2 E_b) of r = Aᵀδν, the part of ρ outside A z = 0, and of
+                                with the part Aᵀδν of ρ outside A z = 0: the less of |δν| B / E over rows of A and
+                                |Aᵀδν|·|z| / E, and √(Σ r_i² / K_ii) / √(2 E_b) of r = Aᵀδν and of
                                 r = ρ − K e − Aᵀδν,  with e the computed K⁻¹ρ
     sign                        max of (−λ_N)⁺ / D, bilateral |λ_N| / D, and (−λ_T σ_T)⁺ / (S max(D, |λ|))
     complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 E / (S Σ W)
@@ -172,7 +173,8 @@ def law_residuals(
 ) -> tuple[dict[str, float], float]:
     """All measures of the contact law of the QVI at tractions (2m,) with row multipliers m_N, m_T (m,).
 
-    The second value is Σ (thr |m_T| − m_T σ_T − max(m_N, 0) σ_N), a part of the primal less dual energy.
+    The second value is Σ (thr |m_T| − m_T σ_T − max(m_N, 0) σ_N), gaps counted up to their limit, a part of the primal
+    less dual energy.
     """
     S, D, E = scales["stress"], scales["displacement"], scales["energy"]
     sigma_N, sigma_T = tractions[: qvi.m], tractions[qvi.m :]
@@ -353,7 +355,8 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     residual = gradient + B.T @ np.concatenate([m_N, m_T]) + A.T @ nu
     error, delta_nu = qvi.linear_system.solve(residual)  # K⁻¹ρ and δν
     square, body_norm = float(residual @ error), sqrt(2.0 * E_b)
-    equality = 0.0  # rows of A z = b over their scales B
+    conjugate = A.T @ delta_nu
+    equality = work_nu = 0.0  # rows of A z = b over their scales B, and the work of δν
     if qvi.p:
         sizes = np.abs(qvi.b) + _TERMS_SHARE * (abs(A) @ np.abs(z))
         lengths = np.sqrt((A * A) @ (1.0 / qvi.stiffness.positive_diagonal))
@@ -361,6 +364,8 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
         rounding = _UNKNOWN_ROUNDING * (abs(A) @ np.full(qvi.n, largest(z)))
         violation = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
         equality = largest(violation / np.where(sizes > 0.0, sizes, 1.0))
+        # rows that nearly repeat each other have large δν that cancel in Aᵀδν
+        work_nu = min(largest(delta_nu * sizes), float(np.abs(conjugate) @ np.abs(z))) / scales["energy"]
     # The error of z for its multipliers: in the energy norm, and in the contact tractions.
     energy = sqrt(abs(square)) / body_norm
     if qvi.root is not None and energy > _ROUNDING_FREE:
@@ -369,7 +374,6 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     error_tractions = B @ error
     # The residual of the linear solve, and what it leaves to the equations; this norm is below the energy norm times
     # √(entries of a row).
-    conjugate = A.T @ delta_nu
     parts = [_diagonal_norm(qvi, part) / body_norm for part in (residual - K @ error - conjugate, conjugate)]
     # |ρ|² for max(m_N, 0) in place of m_N: the residual changes by Nᵀ(max(m_N, 0) − m_N).
     change = np.maximum(m_N, 0.0) - m_N
@@ -380,7 +384,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     gap = work + 0.5 * abs(square)
     measures = {
         "equality": equality,
-        "stationarity": max(energy, largest(error_tractions) / S, *parts),
+        "stationarity": max(energy, largest(error_tractions) / S, work_nu, *parts),
         "energy_gap": (abs(work) + 0.5 * abs(square)) / E_b,
         **law_measures,
     }

@@ -48,8 +48,8 @@ class UniquenessBound:
     friction: float
     """The largest mu of the points whose friction bound depends on the pressure."""
     bound: float | None = None
-    """1/γ. Infinite if no friction bound depends on the pressure, or if no traction of the contact can change; None if
-    not computed."""
+    """1/γ. Infinite if no friction bound depends on the pressure, or if no normal or no tangential traction of the
+    contact can change; None if not computed."""
     independent: bool = True
     """Whether contact rows are linearly independent, so that the condition is a proof for the law at points."""
     reason: str = ""
@@ -72,7 +72,7 @@ class UniquenessBound:
         if self.friction == 0.0:
             return "No friction bound depends on the pressure: the stress is unique."
         if self.bound == np.inf:
-            return "Equilibrium alone determines the contact tractions: the stress is unique."
+            return "Equilibrium alone determines all normal or tangential tractions of contacts: the stress is unique."
         text = (
             f"The solution is unique where friction is below 1/γ = {self.bound:.2g}, which may be much too strict. "
             f"Friction is {self.friction:.3g} here"

@@ -262,17 +262,21 @@ class EqualitySystem:
     def _factors(self) -> tuple[Matrix, Matrix, float, Matrix, Matrix, Matrix]:
         """[S Qᵀ; Q 0] by Cholesky of S + ρ QᵀQ, which changes neither x nor ν if ρ Qᵀc is added to the right-hand side.
 
-        The equations Q x = U c are those of A with orthonormal rows, by the singular values of rows of length one:
-        nearly dependent rows then cost no digits. Q, U, ρ, the Cholesky factor, relief = (S + ρ QᵀQ)⁻¹ Qᵀ, Q relief.
+        The equations Q x = U c are those of A with orthonormal rows, by the singular values of rows of length one in
+        the unknowns x_i √S_ii, which have one unit: nearly dependent rows then cost no digits. Q, U, ρ, the Cholesky
+        factor, relief = (S + ρ QᵀQ)⁻¹ Qᵀ, Q relief.
         """
         S, rho = self.schur, 0.0
-        lengths = np.linalg.norm(self.A, axis=1)[:, None]
+        diagonal = S.diagonal()
+        roots = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        rows = self.A / roots
+        lengths = np.linalg.norm(rows, axis=1)[:, None]
         lengths[lengths == 0.0] = 1.0
-        left, values, Q = np.linalg.svd(self.A / lengths, full_matrices=False)
+        left, values, Q = np.linalg.svd(rows / lengths, full_matrices=False)
         rank = int((values > LEAST_PIVOT * values.max(initial=0.0)).sum())
-        Q, U = Q[:rank], (left[:, :rank] / lengths / values[:rank]).T
+        Q, U = Q[:rank] * roots, (left[:, :rank] / lengths / values[:rank]).T
         if rank:
-            rho = float(np.trace(S) or 1.0) / rank
+            rho = float(len(S)) / rank  # the trace of S in these unknowns, over the rank
             S = S + rho * (Q.T @ Q)
         cholesky, info = dpotrf(S, lower=1, clean=0) if len(S) else (S, 0)
         if info:

@@ -247,7 +247,9 @@ def test_what_is_not_a_number_is_the_largest_of_all():
         replace(computed, signed={}),
     ):
         assert worse_than_claimed(wrong, computed) == np.inf
-    assert worse_than_claimed(computed, computed) == 0.0
+    former = dict.fromkeys(("alart_curnier", "bipotential"), 1.0)  # in archives of earlier versions
+    earlier = replace(computed, measures=measures | former, signed=computed.signed | {"bipotential": -1.0})
+    assert worse_than_claimed(computed, computed) == worse_than_claimed(earlier, computed) == 0.0
     other = replace(computed, signed={"energy_gap": -1e-8})
     assert worse_than_claimed(other, computed) == pytest.approx(1.0, rel=1e-3)
     for scales in ({"stress": np.nan}, {}, {"stress": 1.0, "rounding": np.nan}, {"stress": 1.0, "rounding": 1e-3}):

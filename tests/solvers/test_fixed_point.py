@@ -197,12 +197,23 @@ def in_other_units(seed, equalities=0):
 @pytest.mark.parametrize("equalities", [0, 2])
 @pytest.mark.parametrize("make", [random_problem, partly_frictionless, in_other_units])
 def test_forms_agree(make, equalities):
-    qvi = make(7, equalities=equalities)
+    qvi = make(5, equalities=equalities)
     full, condensed = (solve_qvi(qvi, inner="direct:clarabel", form=form) for form in ("full", "condensed"))
     assert full.status is condensed.status is Status.SOLVED
     assert (full.form, condensed.form) == ("full", "condensed")
     assert condensed.z == pytest.approx(full.z, abs=1e-7)
     assert condensed.equality_multiplier == pytest.approx(full.equality_multiplier, abs=1e-6)
+
+
+@pytest.mark.parametrize("form", ["full", "condensed"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_inner_problems_have_the_unit_of_the_state_and_not_that_of_the_bonded_one(seed, form):
+    """Loads of rounding beside tractions, and loads that only gaps take: the bonded state has nothing or far more."""
+    qvi = random_problem(seed, n=20)
+    least = qvi.with_loads(f=1e-13 * qvi.f, n0=np.linspace(-1.0, 1.0, qvi.m))
+    free = qvi.with_loads(f=1e5 * qvi.N.T @ np.linspace(1.0, 2.0, qvi.m), n0=np.zeros(qvi.m), t0=np.zeros(qvi.m))
+    for problem in (least, free):
+        assert solve_qvi(problem, "fixed-point", form=form).solved
 
 
 def test_condensed_tractions_and_energy_are_those_of_the_unknowns():

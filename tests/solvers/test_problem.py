@@ -109,6 +109,10 @@ def test_equations_may_have_any_unit_repeat_each_other_and_say_nothing(size):
     assert changed(qvi, A=factors @ qvi.A, b=factors @ qvi.b).bonded == pytest.approx(qvi.bonded, rel=1e-9)
     free, nothing = random_problem(3), {"A": np.zeros((2, qvi.n)), "b": np.zeros(2)}
     assert changed(free, **nothing).bonded == pytest.approx(free.bonded, rel=1e-12)
+    units = np.where(np.arange(qvi.n) == 4, size, 1.0)  # those of the unknowns
+    scaled = {name: getattr(qvi, name).toarray() * units for name in ("N", "T", "A")}
+    other = changed(qvi, K=units[:, None] * qvi.K.toarray() * units, f=qvi.f * units, **scaled)
+    assert units * other.bonded == pytest.approx(qvi.bonded, rel=1e-9)
 
 
 @pytest.mark.parametrize("method", ["condensed", "pivoting", "fixed-point"])
