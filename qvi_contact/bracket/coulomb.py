@@ -195,7 +195,7 @@ _FAR: Final = 10.0  # norms of the stress: a distance from there on is told by t
 
 def reference_energy(result: ContactResult, strain: float) -> float:
     """The reference of errors: the energy `strain` of a stress, or that of the unit if the stress is rounding."""
-    unit = result.discretization.scales.energy * result.certificate.scales.get("energy", 1.0)
+    unit = result.discretization.scales.energy * max(1.0, result.certificate.scales.get("energy", 0.0))
     return strain if strain > _AT_REST * unit else unit
 
 

@@ -126,8 +126,8 @@ def clamped_plate(friction):
 def test_bodies_without_loads_and_open_contacts_cost_nothing():
     """Of a state that is zero, none is no share; what solvers leave of tractions is no friction."""
     block = TriangleMesh.rectangle((3, 2))
-    for friction in (0.3, 0.0):  # moved, and far from touching
-        sides = [Contact("bottom", friction, gap=1e-2), Displacement("top", 1e-3, 1e-4), *FREE]
+    for friction, gap, x in ((0.3, 1e-2, 1e-3), (0.0, 1e-2, 1e-3), (0.0, -1e-4, 0.0)):  # moved, or as the obstacle
+        sides = [Contact("bottom", friction, gap), Displacement("top", x, 1e-4), *FREE]
         moved = solve(ContactProblem(block, Material(1e3, 0.3), sides)).bracket
         assert moved.relative_error < 1e-3
         assert "no stresses but rounding" in moved.message
