@@ -1,6 +1,7 @@
 """Checks of numbers and functions of position from users."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -90,8 +91,9 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
         values[(values < minimum) & (values >= minimum - rounding)] = minimum
         if (values < minimum).any():
             shift = 1e-14 * max(float(np.abs(each).max(initial=0.0)) for each in (x, y))
-            moved = [evaluate(name, field, x + h, y + k) for h in (-shift, shift) for k in (-shift, shift)]
-            values[(values < minimum) & (np.max(moved, axis=0) >= minimum)] = minimum
+            with suppress(InputError):  # the field need not be defined beside the points
+                moved = [evaluate(name, field, x + h, y + k) for h in (-shift, shift) for k in (-shift, shift)]
+                values[(values < minimum) & (np.max(moved, axis=0) >= minimum)] = minimum
         is_bad |= values < minimum
     if is_bad.any():
         index = np.unravel_index(np.argmax(is_bad), is_bad.shape)

@@ -347,9 +347,8 @@ def _assemble(
             f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
             "of the energy."
         )
-    crossed = (lower - upper) / reference
-    if crossed > _CROSSED:
-        found.append(f"The bounds contradict each other by {crossed:.1e} of the strain energy.")
+    if lower - upper > _CROSSED * reference:
+        found.append(f"The bounds contradict each other by {(lower - upper) / reference:.1e} of the strain energy.")
     return Bracket(
         kind=kind, reasons=tuple(found), lower=lower, upper=upper, strain=strain, bulk=bulk, contacts=contacts,
         cell_gaps=np.maximum(parts, 0.0), slack=slack,

@@ -98,11 +98,11 @@ class TestExpression:
         assert Expression(text, t=2.0)(np.array([2.0]), np.array([0.0])) == pytest.approx([0.1])
 
     def test_below_zero_by_the_rounding_of_a_place_is_zero(self):
-        """On a line at y = −1e-17 all values of y are below 0; −1e-3 is refused."""
-        x = np.array([0.0, 1.0])
-        assert (evaluate("friction", lambda _, y: 0.3 * y, x, 0.0 * x - 1e-17, minimum=0.0) == 0.0).all()
-        with pytest.raises(InputError, match="at least 0"):
-            evaluate("friction", lambda _, y: 0.3 * y, x, 0.0 * x - 1e-3, minimum=0.0)
+        """On a line at y = −1e-17 all values of y are below 0. −1e-3 is refused, also at the end of a domain."""
+        x, y = np.arange(2.0), np.full(2, -1e-17)
+        assert not evaluate("friction", lambda _, y: 0.3 * y, x, y, minimum=0.0).any()
+        for field in (lambda _, y: 0.3 * y, lambda x, y: 0.3 * y + np.log(x <= 1.0)):
+            assert "at least 0" in refusal(lambda at=field: evaluate("friction", at, x, y - 1e-3, minimum=0.0)).remedy
 
     def test_integers_are_numbers(self):
         """No exact arithmetic of whole numbers, which has no limit; overflow is infinity."""
