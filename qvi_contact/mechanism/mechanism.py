@@ -215,10 +215,7 @@ class Rigid:
         idle_work = self._row(idle, together) if together else None
 
         def optimum(program: _Program, price: float = 0.0) -> tuple[FloatArray, float] | None:
-            """Max L − R − price Σ s  s.t.  Σ_j |L_j| + R ≤ 1, with slips s.
-
-            Without a price (driving − resisting)/(driving + resisting) is largest.
-            """
+            """Max L − R − price · slips  s.t.  Σ_j |L_j| + R ≤ 1: (driving − resisting)/(driving + resisting) if 0."""
             cost, works, sizes = program.cost / unit, program.on_unknowns(loads), np.ones(len(loads))
             rows: Any = [[program.rows, None], [works, -np.diag(sizes)], [-works, -np.diag(sizes)]]
             rows += [[cost[None], sizes[None]]]
@@ -238,7 +235,7 @@ class Rigid:
         if motion is None or not proves(motion):
             return None
         # If nothing resists, many motions prove it: one without slip shows that friction is not the reason. A price of
-        # slip may hide the small net work of a large motion. Then, and if no other motion is found, the first one stays.
+        # slip may hide the small net work of a large motion. Then the first motion stays.
         with suppress(SolveError):
             other = self._settled(partial(optimum, price=_PRICE), names) if np.isinf(motion.overload) else None
             motion = other if other is not None and proves(other) and np.isinf(other.overload) else motion
