@@ -215,7 +215,7 @@ class Rigid:
         idle_work = self._row(idle, together) if together else None
 
         def optimum(program: _Program, price: float = 0.0) -> tuple[FloatArray, float] | None:
-            """Max L − R − price · slips  s.t.  Σ_j |L_j| + R ≤ 1: (driving − resisting)/(driving + resisting) if 0."""
+            """Max L − R − price · slips  s.t.  Σ_j |L_j| + R ≤ 1; with a price of 0 the ratio of L and R is largest."""
             cost, works, sizes = program.cost / unit, program.on_unknowns(loads), np.ones(len(loads))
             rows: Any = [[program.rows, None], [works, -np.diag(sizes)], [-works, -np.diag(sizes)]]
             rows += [[cost[None], sizes[None]]]
