@@ -120,8 +120,7 @@ class TestLaws:
         upper, mechanism = upper_bound(dragged(Contact("bottom", **law)), ["shear"])
         assert upper == pytest.approx(expected, rel=EXACT, abs=EXACT)
         assert (mechanism is None) == np.isinf(upper)
-        beyond = dragged(Contact("bottom", **law), shear=(1.0 + 1e-6) * min(upper, 100.0))
-        assert not EXACT < upper < np.inf or find_mechanism(beyond)
+        assert not 1e-9 < upper < 1e9 or find_mechanism(dragged(Contact("bottom", **law), shear=1.000001 * upper))
 
     def test_a_cap_under_an_eccentric_load(self):
         """N = 3 t at 2/3: p = t/μ on a length b and the rest in the corner, T = t b = √(2 N d μ t)."""
