@@ -19,7 +19,7 @@ import numpy as np
 from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number, instance_of
 from qvi_contact.basics.schema import WithFields, keys_of
-from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
+from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds, reference_energy
 from qvi_contact.bracket.outcome import Bracket, BracketKind
 from qvi_contact.bracket.parts import LOOSEST, Bounds, CellFields, EdgeParts, EdgeTractions, coefficients, edge_parts
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_numbers, with_shares
@@ -313,7 +313,8 @@ def _assemble(
     fields = CellFields.of(discretization, u, companion.degree)
     strain, energy_at_rest = fields.energy, 0.5 * fields.work(fields.at_rest, fields.at_rest)  # ½ ∫ ε⁰ : C : ε⁰
     complementary = strain - discretization.work(u) - fields.work(fields.stress, fields.at_rest)
-    scale = max(strain, abs(complementary), energy_at_rest, 1e-300)
+    reference = max(reference_energy(stress, strain), energy_at_rest)
+    scale = max(reference, abs(complementary))
     bulk, has_displacement = np.zeros(mesh.cell_count), companion.has_state
     contacts, slack = dict[str, EdgeParts](), 0.0
     if has_displacement:
@@ -346,9 +347,8 @@ def _assemble(
             f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
             "of the energy."
         )
-    relative_gap = (upper - lower) / max(strain, energy_at_rest, 1e-300)
-    if relative_gap < -_CROSSED:
-        found.append(f"The bounds contradict each other by {-relative_gap:.1e} of the strain energy.")
+    if lower - upper > _CROSSED * reference:
+        found.append(f"The bounds contradict each other by {(lower - upper) / reference:.1e} of the strain energy.")
     return Bracket(
         kind=kind, reasons=tuple(found), lower=lower, upper=upper, strain=strain, bulk=bulk, contacts=contacts,
         cell_gaps=np.maximum(parts, 0.0), slack=slack,

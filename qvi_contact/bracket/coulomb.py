@@ -83,9 +83,9 @@ class CoulombBounds(WithFields):
     def forces(self) -> Mapping[str, Bounds]:
         """T3: bounds [stress × length] of "NAME.normal_force" and "NAME.tangential_force" of contacts not tied.
 
-        A dual problem is solved on first use. A force without a dual pair is left out: friction on a contact that ends
-        where a support holds its tangential displacement, and all forces if a contact has cohesion with a limit of the
-        shear stress. If the norm for s is proved, the dual one must be, too. See (D31).
+        A dual problem is solved on first use. A force without a dual pair is left out: that of a contact which ends
+        where a support, or another contact that sticks, holds its displacement, and all forces if a contact has
+        cohesion with a limit of the shear stress. If the norm for s is proved, the dual one must be, too. See (D31).
         """
         stress, companion = self.stress, self.displacement
         problem, known, state, found = stress.problem, stress.discretization, companion.state, dict[str, Bounds]()
@@ -151,17 +151,17 @@ class CoulombBounds(WithFields):
     @property
     def relative_error(self) -> float:
         """(F + |η|)/|τ + η|."""
-        return self._relative(self.error)
+        return self.error / self.size
 
     @property
     def apart(self) -> float:
         """2F/|τ + η|: the largest distance of any two solutions, in the energy norm of stresses."""
-        return self._relative(2.0 * self.within)
+        return 2.0 * self.within / self.size
 
     @property
     def reach(self) -> float:
         """The bounds hold for solutions within this distance of τ, over |τ + η|; infinite if they hold for all."""
-        return self._relative(max(self.norm.reach - self.moved, 0.0))
+        return max(self.norm.reach - self.moved, 0.0) / self.size
 
     @property
     def scope(self) -> str:
@@ -169,9 +169,6 @@ class CoulombBounds(WithFields):
         if self.reach < _FAR:
             return f" within {100.0 * self.reach:.3g} % of this one"
         return f" with less than {self.reach - 1.0:.2g} times these stresses" if np.isfinite(self.reach) else ""
-
-    def _relative(self, error: float) -> float:
-        return error / self.size
 
     @property
     def message(self) -> str:
@@ -195,7 +192,7 @@ _FAR: Final = 10.0  # norms of the stress: a distance from there on is told by t
 
 def reference_energy(result: ContactResult, strain: float) -> float:
     """The reference of errors: the energy `strain` of a stress, or that of the unit if the stress is rounding."""
-    unit = result.discretization.scales.energy * result.certificate.scales.get("energy", 1.0)
+    unit = result.discretization.scales.energy * max(1.0, result.certificate.scales.get("energy", 0.0))
     return strain if strain > _AT_REST * unit else unit
 
 

@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
@@ -213,19 +214,15 @@ class Rigid:
         loads = np.array([self.works[name].row for name in names]) / unit
         idle_work = self._row(idle, together) if together else None
 
-        def optimum(program: _Program) -> tuple[FloatArray, float] | None:
-            """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (driving − resisting)/(driving + resisting) is largest.
-
-            Slip has a price. If nothing resists, many motions prove it: one without slip shows that friction is not
-            the reason.
-            """
+        def optimum(program: _Program, price: float = 0.0) -> tuple[FloatArray, float] | None:
+            """Max L − R − price · slips  s.t.  Σ_j |L_j| + R ≤ 1; with a price of 0 the ratio of L and R is largest."""
             cost, works, sizes = program.cost / unit, program.on_unknowns(loads), np.ones(len(loads))
-            price = _PRICE * program.slips
             rows: Any = [[program.rows, None], [works, -np.diag(sizes)], [-works, -np.diag(sizes)]]
             rows += [[cost[None], sizes[None]]]
             matrix = sparse.block_array(rows)
             limits = np.append(np.zeros(matrix.shape[0] - 1), 1.0)
-            return program.solved(np.append(cost + price - works.sum(axis=0), 0.0 * sizes), matrix, limits, idle_work)
+            goal = cost + price * program.slips - works.sum(axis=0)
+            return program.solved(np.append(goal, 0.0 * sizes), matrix, limits, idle_work)
 
         def proves(proof: Mechanism) -> bool:
             rounding = _CERTAIN * (proof.driving + proof.resisting) + _REACH * proof.violation * self._size(self.works)
@@ -237,6 +234,11 @@ class Rigid:
             motion = self.dearest(names, [])
         if motion is None or not proves(motion):
             return None
+        # If nothing resists, many motions prove it: one without slip shows that friction is not the reason. A price of
+        # slip may hide the small net work of a large motion. Then the first motion stays.
+        with suppress(SolveError):
+            other = self._settled(partial(optimum, price=_PRICE), names) if np.isinf(motion.overload) else None
+            motion = other if other is not None and proves(other) and np.isinf(other.overload) else motion
         return motion
 
     def dearest(self, names: Sequence[str], others: Sequence[str]) -> Mechanism | None:
