@@ -357,8 +357,8 @@ class _Pairs:
             parts = [openings[here]]
             pressure[edges] = cut_values(-unit * own.normal[edges], unit * own.normal[edges], faint)
             if bears_shear(trace.contact):
-                unused = own.bound[edges] - np.abs(own.shear[edges])
-                unused = unused if share is None else own.bound[edges] * share.room
+                bound = own.bound[edges]
+                unused = bound - np.abs(own.shear[edges]) if share is None else bound * share.room
                 room[edges] = cut_values(unit * unused, unit * own.normal[edges], faint)
                 parts.append(self._senses[here] * relative[1, here])
             on_edges = trace.start + trace.columns

@@ -224,7 +224,8 @@ class LimitProblem:
             least = min(flow.bound for flow, _ in found)
             if least == -np.inf or (least < np.inf and program not in self.flows[:-1]):
                 break
-        return min(reversed(found), key=lambda each: each[0].bound)
+        # of equal bounds the last; of infinite ones that with a reason, as a program that failed leaves the side open
+        return min(reversed(found), key=lambda each: (each[0].bound, not each[0].missing))
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:

@@ -10,7 +10,7 @@ import pytest
 import tomli_w
 
 from qvi_contact import InputError, LimitLoad, TriangleMesh, load_problem, refine, save_problem, solve
-from qvi_contact.command.report import limit_sentence
+from qvi_contact.command import limit_sentence
 from qvi_contact.export import write_npz
 from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import ContactState, InputError, TriangleMesh, solve
-from qvi_contact.command import number, outline, outline_lines, result_lines, result_page, result_tables
-from qvi_contact.command.report import middle
+from qvi_contact.command import middle, number, outline, outline_lines, result_lines, result_page, result_tables
 from qvi_contact.files import problem_from_toml
 from qvi_contact.plots import mesh_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
