@@ -136,15 +136,15 @@ def test_steps_of_a_history_are_bracketed_each_for_itself(law):
     assert len(last.forces) == 2
 
 
-@pytest.mark.parametrize(("bound", "force"), [(0.0, 209.0), (5.0, 209.75), (100.0, 214.3597782)])
-def test_forces_under_tresca_law_of_the_plate(bound, force):
-    """209 + ν c/2 by reciprocity while all slips; with stick that of 16² cells."""
+@pytest.mark.parametrize(("bound", "force", "near"), [(0.0, 209.0, 0.03), (5.0, 209.75, 0.03), (1e2, 214.3597782, 0.2)])
+def test_forces_under_tresca_law_of_the_plate(bound, force, near):
+    """209 + ν c/2 by reciprocity while all slips; with stick that of 16² cells. Slip of one sense narrows bounds."""
     plate = compressed_plate(0.0, (4, 4))
     contact = Contact.tresca("top", bound, gap=-U, name="plate")
     found = solve(replace(plate, conditions=[*plate.conditions[:3], contact])).bracket
     lower, upper = found.forces["plate.normal_force"]
     assert found.guaranteed
-    assert force - 0.2 < lower < force < upper + ROUNDING < force + 0.2
+    assert force - near < lower < force < upper + ROUNDING < force + near
     refined = refine(found.problem, target=4e-4, quantity="plate.normal_force", guaranteed=True)
     assert refined.guaranteed
     assert abs(refined.value - force) <= refined.error + ROUNDING <= 4e-4 * force + ROUNDING
