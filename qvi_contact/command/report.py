@@ -327,7 +327,7 @@ _ESTIMATES: Final = (
 def limit_sentence(limit: LimitLoad) -> str:
     """How much the mesh carries, and the body at most, in a sentence."""
     if limit.upper == -math.inf:
-        return "no multiple can be carried"
+        return "no multiple can be carried: the other loads alone are not carried either"
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
     lower, upper = limit.lower, limit.upper

@@ -17,7 +17,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, circle, ellipse, fitted
 from qvi_contact.mesh.grid import checked_lines, graded_lines, on_line
-from qvi_contact.mesh.outline import Corner, Point
+from qvi_contact.mesh.outline import Corner, Line, Point
 from qvi_contact.mesh.selection import checked_set, edges_in_box, edges_on_segment, new_name
 from qvi_contact.mesh.triangles import TriangleMesh
 
@@ -176,7 +176,8 @@ class LineTable:
     """A line of an outline by its corners, or a circle: a hole, a joint, or the border of a region."""
 
     name: schema.Name = ""
-    """Name of the joint or region, which needs one, or of the edges of a round hole: `name = "bore"`."""
+    """Name of the joint or region, which needs one, or of the edges of a round hole; joints with the same name are one:
+    `name = "bore"`."""
     corners: Annotated[tuple[Corner, ...], schema.Tables(Corner, None)] | None = None
     """Corners in order; a joint is closed if the first one is repeated at its end, or an arc begins at the last one:
     `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }]`."""
@@ -237,20 +238,28 @@ class OutlineTable:
 
     def mesh(self) -> TriangleMesh:
         """The triangles that gmsh makes of the outline."""
-        lines_of_kind: dict[str, dict[Any, Sequence[Corner]]] = {"holes": {}, "joints": {}, "regions": {}}
-        for kind, kind_lines in lines_of_kind.items():
+        holes, joints, regions = list[Line](), dict[str, list[Line]](), dict[str, Line]()
+        places = dict[str, str]()  # by the fields of `TriangleMesh.outline`
+        for kind in ("holes", "joints", "regions"):
             for index, table in enumerate(getattr(self, kind)):
                 with schema.located(f"{kind}[{index}]", schema.keys_of(LineTable)):
-                    line = table.line(kind, kind_lines)
-                kind_lines[index if kind == "holes" else table.name] = line
-        holes, sizes = list(lines_of_kind.pop("holes").values()), {entry.at: entry.size for entry in self.sizes}
+                    line = table.line(kind, regions if kind == "regions" else ())
+                if kind == "holes":
+                    holes.append(line)
+                elif kind == "regions":
+                    regions[table.name] = line
+                else:  # joints with the same name are one
+                    joints.setdefault(table.name, []).append(line)
+                    places[f"joints.{table.name}[{len(joints[table.name]) - 1}]"] = f"joints[{index}]"
+                places.setdefault(f"{kind}.{table.name}", f"{kind}[{index}]")
+        sizes = {entry.at: entry.size for entry in self.sizes}
         try:
-            return TriangleMesh.outline(self.corners, self.size, holes=holes, sizes=sizes, **lines_of_kind)
+            return TriangleMesh.outline(
+                self.corners, self.size, holes=holes, joints=joints, regions=regions, sizes=sizes
+            )
         except InputError as error:
-            kind, _, name = error.field.partition(".")
             place = error.field if error.field.split("[")[0] in schema.keys_of(OutlineTable) else ""
-            if name in lines_of_kind.get(kind, ()):
-                place = f"{kind}[{list(lines_of_kind[kind]).index(name)}]"
+            place = places.get(error.field, place)
             raise type(error)(place, error.value, error.remedy) from error
 
 

@@ -130,12 +130,10 @@ def polygons(
     boundary = [_polygon(name, line, size, arcs, closed=True) for name, line in lines.items()]
     inner, areas = list[Polygon](), dict[str, Polygon]()
     for kind, value in (("joints", joints), ("regions", regions)):
-        for name, line in mapping(kind, value, "names to lines", optional=True).items():
-            if not isinstance(name, str) or not name:
-                raise InputError(kind, name, "give names that are not empty")
+        for path, name, line in _named_lines(kind, value):
             last = _checked_list(line)[-1:]  # a joint whose last corner begins an arc can only lead back to the first
             closed = kind == "regions" or any(isinstance(each, Corner) and each.centre is not None for each in last)
-            polygon = _polygon(f"{kind}.{name}", line, size, arcs, closed=closed)
+            polygon = _polygon(path, line, size, arcs, closed=closed)
             polygon.names[:] = name if kind == "joints" else ""
             inner.append(polygon)
             if kind == "regions":
@@ -149,6 +147,18 @@ def polygons(
     _check_lines(outline)
     _check_inside(outline)
     return outline
+
+
+def _named_lines(kind: str, lines: object) -> Iterator[tuple[str, str, Line]]:
+    """Place in messages, name and corners of each of the "joints" or "regions"; a joint may be a list of lines."""
+    for name, line in mapping(kind, lines, "names to lines", optional=True).items():
+        if not isinstance(name, str) or not name:
+            raise InputError(kind, name, "give names that are not empty")
+        first = line[0] if kind == "joints" and isinstance(line, Sequence) and len(line) else None
+        if isinstance(first, Sequence) and len(first) and isinstance(first[0], Corner | Sequence):  # no corner (x, y)
+            yield from ((f"{kind}.{name}[{index}]", name, each) for index, each in enumerate(line))
+        else:
+            yield f"{kind}.{name}", name, line
 
 
 def _polygon(name: str, line: Line, size: float, arcs: _Arcs, *, closed: bool) -> Polygon:

@@ -16,7 +16,7 @@ from qvi_contact.discretization import Scales, pins
 from qvi_contact.gallery import arc, fan, press_fit_torque
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mesh import TriangleMesh, cross
-from qvi_contact.plots import history_figure
+from qvi_contact.plots import history_figure, result_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction, disc_gap
 from qvi_contact.refinement import unit_of
 from qvi_contact.solution import turning_senses
@@ -342,6 +342,14 @@ class TestMomentsThatFrictionDoesNotCarry:
         proof = find_mechanism(bearing(1.002 * most))
         assert proof.overload > 1.0
         assert proof.contacts["inner"].slides
+
+    def test_a_pin_that_turns_is_drawn_as_the_circle_it_is(self):
+        """By one radian. All displacements are drawn 20 times as large, of the pin its interference of 0.01."""
+        pin = Contact.pin("hole", 0.3, (0.0, 0.0), 1.01, x=0.0, y=0.0, rotation=1.0)
+        axes = result_figure(solved(pinned(pin, mesh=ROUND), degree=3)).axes[0]
+        drawn = next(line.get_xydata() for line in axes.lines if line.get_color() == "black")
+        assert axes.get_legend().get_texts()[0].get_text() == "before; displacements × 20"
+        assert np.hypot(*drawn[1:-1].T) == pytest.approx(1.0 + 20.0 * 0.01)
 
     def test_a_pin_that_slips_round_in_its_hole(self):
         """Pressure on all sides of it holds any moment in equilibrium; its rotation shows what friction carries."""

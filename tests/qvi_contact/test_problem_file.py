@@ -105,6 +105,19 @@ def test_written_files_are_for_people():
     assert len(text.splitlines()) < 120  # triangles are not one a line
 
 
+def test_edges_that_no_table_names_are_free_if_the_file_says_so():
+    """Also in load steps; with a name that is not taken, which is needed only if there are such edges."""
+    whole = problem_from_toml(SMALL).problem
+    assert same(problem_from_toml('free = "rest"' + SMALL).problem, whole)
+    text = SMALL.replace('[[tractions]]\nedges = "right"\nx = 0.0\ny = 0.0', "[history]\ntimes = [1, 2]")
+    first, second = problem_from_toml('free = "rest"' + text.replace("-1e-3", '"-1e-3 * t"')).problems
+    assert first.mesh.pairs("rest").tolist() == whole.mesh.pairs("right").tolist()
+    forces = [solve(each).contacts["top"].normal_force for each in (whole, first, second)]
+    assert forces == pytest.approx([forces[0], forces[0], 2.0 * forces[0]], rel=1e-9)
+    with refused_at("free", "another name"):
+        problem_from_toml('free = "left"' + text)
+
+
 def plate(**changes):
     problem = compressed_plate(0.2)
     contact = dataclasses.replace(problem.conditions[-1], **changes)
@@ -235,6 +248,7 @@ def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):
      ("a = " + "{" + ".".join("a" * 19) + "=" + ("{" + ".".join("a" * 19) + "=") * 200 + "1" + "}" * 201,
       "nested too deeply"),
      ("a = " + "[" * 5000 + "1" + "]" * 5000, "nested too deeply"), ("a = " + "1" * 5_000, "correct the syntax"),
+     ("a = { b = 1, }", "no comma may stand before }"),
      ("title = '" + "a" * 20_000_001 + "'", "20000000 bytes")],
 )  # fmt: skip
 def test_texts_beyond_measure_are_refused_before_they_are_parsed(text, words):
