@@ -167,6 +167,8 @@ def _put_off(*names: str) -> None:
 def solve() -> None:
     """Solve the problem in FILE: forces, states, certificate.
 
+    The peak of a contact is the largest pressure at its points; at sharp corners it grows on finer meshes.
+
     Options override [solve] in the file. After --time-limit seconds the result is the best state, status time_limit.
 
     A file with a [history] is solved step by step. The picture shows forces and loops, other files the last step. With
