@@ -57,8 +57,7 @@ _TOO_LONG: Final = (
     "cells = … }, triangles in a mesh file, and functions as expressions"
 )
 _MOST_STEPS: Final = 10_000
-_FORCES: Final = ("body_potential", "body_forces", "temperature")
-_READ_AGAIN: Final = ("version", "free", *_FORCES, "material", "regions", *TABLES)
+_READ_AGAIN: Final = ("version", "free", "body_potential", "body_forces", "temperature", "material", "regions", *TABLES)
 """Keys whose values may be expressions in t, or which every document needs; they are read for each load step."""
 _RENAMED: Final = {
     "ContactProblem.body_potential": "body_potential",

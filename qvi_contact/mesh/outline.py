@@ -155,7 +155,7 @@ def _named_lines(kind: str, lines: object) -> Iterator[tuple[str, str, Line]]:
         if not isinstance(name, str) or not name:
             raise InputError(kind, name, "give names that are not empty")
         first = line[0] if isinstance(line, Sequence) and len(line) else None
-        if isinstance(first, Sequence) and len(first) and isinstance(first[0], Corner | Sequence):  # no corner (x, y)
+        if isinstance(first, Sequence) and all(isinstance(each, Corner | Sequence) for each in first):  # not (x, y)
             yield from ((f"{kind}.{name}[{index}]", name, each) for index, each in enumerate(line))
         else:
             yield f"{kind}.{name}", name, line
@@ -411,14 +411,13 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
     # most of a surface's area decides whether it is in a region: a triangle at an arc may have its centre beyond it
     a, b, c = vertices[cells].swapaxes(0, 1)
     middles, areas = (a + b + c) / 3.0, np.abs(cross(b - a, c - a))
-    area_in = {
-        name: [np.bincount(surface, areas * (2.0 * line.holds(middles) - 1.0)) for line in lines]
-        for name, lines in shape.regions.items()
-    }
-    regions = {name: np.flatnonzero((np.max(shares, axis=0) > 0.0)[surface]) for name, shares in area_in.items()}
-    for name, chosen in regions.items():
-        if not len(chosen):
+    regions = dict[str, IntArray]()
+    for name, lines in shape.regions.items():
+        area_in = [np.bincount(surface, areas * (2.0 * line.holds(middles) - 1.0)) for line in lines]
+        is_inside = np.array(area_in) > 0.0  # of each line, each surface
+        if not is_inside.any(axis=1).all():
             raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
+        regions[name] = np.flatnonzero(is_inside[:, surface].any(axis=0))
     return MeshParts(vertices, np.sort(cells, axis=1), edge_sets, regions, arcs)
 
 
