@@ -167,6 +167,8 @@ def _put_off(*names: str) -> None:
 def solve() -> None:
     """Solve the problem in FILE: forces, states, certificate.
 
+    The peak of a contact is the largest pressure at its points; at sharp corners it grows on finer meshes.
+
     Options override [solve] in the file. After --time-limit seconds the result is the best state, status time_limit.
 
     A file with a [history] is solved step by step. The picture shows forces and loops, other files the last step. With
@@ -294,6 +296,7 @@ def refine() -> None:
         "--load", "loads", metavar="NAME", multiple=True, help="Name of a load to multiply; may be given several times."
     ),
     _option("target", "Refine the mesh until the two bounds agree to this relative difference, such as 1e-4."),
+    _option("max_unknowns", "Largest number of unknowns, 20000 by default; given alone, the target is 1e-3."),
     "degree time_limit verbose json",
     _option("plot", "Draw how the body gives way beyond the limit: .png, .svg or .pdf."),
     _option("vtk", "Write the plastic flow of a body that yields for ParaView (.vtu)."),

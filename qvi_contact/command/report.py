@@ -17,11 +17,11 @@ from qvi_contact.discretization.discretization import discretize
 from qvi_contact.errors import place_of
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.mechanism import Bodies, works
-from qvi_contact.problem.conditions import Condition, Contact, Traction
+from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
 from qvi_contact.problem.fields import Expression, PointData, Polynomial
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactState
-from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
+from qvi_contact.solution.result import PLATE_COLUMNS, RESULTANT, ContactResult, contact_numbers
 from qvi_contact.units import Certainty, Rounding, Units, shown
 from solvers.errors import counted
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from qvi_contact.refinement.adaptive import Outcome
 
 STATES = [state.name.lower() for state in ContactState]
-FORCES = {name: SUMMARY[name] for name in ("normal_force", "tangential_force")}
+OF_CONTACTS = {name: SUMMARY[name] for name in ("normal_force", "tangential_force", "largest_pressure")}
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
 _NUMBER = re.compile(r"\d[\d.e+-]*(?![^()]*\))")  # other than places, which stand in parentheses
 _HIDDEN = ("kind", "edges", "length", "joint")  # keys of conditions that their line shows elsewhere
@@ -39,7 +39,7 @@ _ELASTIC = ("young", "poisson", "plane", "cells")  # keys of materials that ever
 
 
 def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
-    """Message, remarks, certificate, and a table with a row for each contact; then plates and pins."""
+    """Message, remarks, certificate, and a table with a row for each contact; then plates, pins and supports."""
     yield result.message
     yield from (f"remark: {units.filled(remark)}" for remark in result.remarks)
     if not result.has_state:
@@ -51,20 +51,36 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         yield summary
     lines = result.contacts.values()
     states = [state for state in STATES if any(state in line.shares for line in lines)]
-    rows = [[line.name, *map(shown, line.forces), *shares(line.shares, states)] for line in lines]
-    force = units.force
+    numbers, force = contact_numbers(result), units.force
+    rows = [
+        [line.name, *cells(numbers[line.name], OF_CONTACTS, result.rounding), *shares(line.shares, states)]
+        for line in lines
+    ]
     if rows:
         yield ""
-        yield from table(["contact", f"normal [{force}]", f"tangential [{force}]", *states], rows)
+        headings = with_units(("normal", "tangential", "peak"), OF_CONTACTS, units)
+        yield from table(["contact", *headings, *states], rows)
     for line in result.contacts.values():
         if line.has_fluid:
             effective = shown(line.effective_normal_force, result.rounding.force)
             yield f"contact {line.name}: effective normal force, without the pore pressure, {effective} {force}"
-    plate_numbers = contact_numbers(result) if result.plates else {}
     for name in result.plates:
-        x, y, rotation, force_x, force_y, moment = cells(plate_numbers[name], PLATE_COLUMNS, result.rounding)
+        x, y, rotation, force_x, force_y, moment = cells(numbers[name], PLATE_COLUMNS, result.rounding)
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {rotation} rad"
         yield f"obstacle {name} pushes with ({force_x}, {force_y}) {force}, moment {moment} {units.moment}"
+    held = [each.edges for each in result.problem.conditions if isinstance(each, Displacement | Symmetry)]
+    place, resultants = resultants_on(result, held)
+    for name, resultant in resultants.items():
+        x, y, moment = cells(resultant, RESULTANT, result.rounding)
+        yield f"support {name} acts with ({x}, {y}) {force}, moment {moment} {units.moment} about {place}"
+
+
+def resultants_on(result: ContactResult, edge_sets: Iterable[str]) -> tuple[str, dict[str, dict[str, float]]]:
+    """The middle of the body, and the forces on edge sets with their moments about it, by the keys of `RESULTANT`."""
+    low, high = (end(result.problem.mesh.vertices, axis=0).tolist() for end in (np.min, np.max))
+    centre = middle(low[0], high[0]), middle(low[1], high[1])
+    forces = {name: vars(result.resultant(name)) for name in edge_sets}
+    return place_of(centre), {name: {**each, "moment": moment_about(centre, **each)} for name, each in forces.items()}
 
 
 Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
@@ -134,7 +150,7 @@ class Series(NamedTuple):
             records.append((start, contact_numbers(step) if lines else {}, share_of, step.rounding))
         largest = Rounding.largest(least for *_, least in records) if is_history else None
         kinds: Any = (
-            ("contact", f"forces in {units.force}", FORCES, ["normal", "tangential"]),
+            ("contact", f"forces in {units.force}", OF_CONTACTS, ["normal", "tangential", f"peak [{units.stress}]"]),
             ("obstacle", "its motion and its force on the body", PLATE_COLUMNS, plate_headings(units)),
         )
         for (kind, content, columns, labels), contact in product(kinds, self.results.steps[0].problem.contacts):
@@ -142,7 +158,7 @@ class Series(NamedTuple):
                 continue
             name = contact.name
             present = {state for _, _, share_of, _ in records for state in share_of.get(name, ())}
-            states = [state for state in STATES if state in present and columns is FORCES]
+            states = [state for state in STATES if state in present and columns is OF_CONTACTS]
             rows = [
                 [*start, *cells(numbers.get(name), columns, largest or own), *shares(share_of.get(name, {}), states)]
                 for start, numbers, share_of, own in records
@@ -327,7 +343,7 @@ _ESTIMATES: Final = (
 def limit_sentence(limit: LimitLoad) -> str:
     """How much the mesh carries, and the body at most, in a sentence."""
     if limit.upper == -math.inf:
-        return "no multiple can be carried"
+        return "no multiple can be carried: the other loads alone are not carried either"
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
     lower, upper = limit.lower, limit.upper

@@ -181,29 +181,30 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     return _print_answer(problem_file, as_json, document, lines, refined.status == "reached", complete)
 
 
-def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
+def limit(file: str, loads: tuple[str, ...], verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the largest multiple of loads."""
     from qvi_contact.limit.load_factor import OPTIONS, checked_loads, limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
 
+    rounds: Any = {name: given[name] for name in ("target", "max_unknowns") if given[name] is not None}
     with (
         _problem_file(file, given) as (problem_file, targets, options),
         solving(problem_file.title or "limit", verbose=verbose),
     ):
-        loads, settings = tuple(dict.fromkeys(loads)), {name: options.get(name) for name in OPTIONS}
+        loads, settings = tuple(dict.fromkeys(loads)), dict[str, Any]({name: options.get(name) for name in OPTIONS})
         problem, refinement, proof_lines = problem_file.problem, None, list[str]()
         if "proof" in targets and not loads:
-            unused_options = {"target": target, **targets, "proof": None}
+            unused_options = {**rounds, **targets, "proof": None}
             return _prove_not_carried(targets["proof"], problem_file, settings, unused_options, as_json)
         named: list[Any] = list(loads) or [Missing()]
         if not report.act(problem, checked_loads(problem, named, "--load")):
             told = ["is 0: name a load to multiply", *_time_remark(problem_file)]
             raise InputError("--load", ", ".join(loads), ". ".join(told))
-        if target is None:
+        if not rounds:
             limit_load = limit_load_factor(problem, loads=list(loads), verbose=verbose, **settings)
         else:
-            refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), verbose=verbose, **settings)
+            refinement = refined(problem, quantity=LimitFactor(list(loads)), verbose=verbose, **rounds, **settings)
             limit_load, problem = refinement.limit, refinement.problem
     is_missed = refinement is not None and refinement.status != "reached"
     refined_lines = [] if refinement is None else [refinement.message, *[refinement.status.advice] * is_missed]

@@ -5,7 +5,7 @@ The fields of a class are the keys of its table; its methods make that part of t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Annotated, Any, Final, Literal
@@ -17,8 +17,8 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, circle, ellipse, fitted
 from qvi_contact.mesh.grid import checked_lines, graded_lines, on_line
-from qvi_contact.mesh.outline import Corner, Point
-from qvi_contact.mesh.selection import checked_set, edges_in_box, edges_on_segment, new_name
+from qvi_contact.mesh.outline import Corner, Line, Point
+from qvi_contact.mesh.selection import checked_set, edges_in_box, edges_on_segment
 from qvi_contact.mesh.triangles import TriangleMesh
 
 _MOST_IN_A_ROW: Final = 10_000  # cells in one piece of grid lines
@@ -176,7 +176,8 @@ class LineTable:
     """A line of an outline by its corners, or a circle: a hole, a joint, or the border of a region."""
 
     name: schema.Name = ""
-    """Name of the joint or region, which needs one, or of the edges of a round hole: `name = "bore"`."""
+    """Name of the joint or region, which needs one, or of the edges of a round hole; joints or regions with the same
+    name are one: `name = "bore"`."""
     corners: Annotated[tuple[Corner, ...], schema.Tables(Corner, None)] | None = None
     """Corners in order; a joint is closed if the first one is repeated at its end, or an arc begins at the last one:
     `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }]`."""
@@ -190,14 +191,12 @@ class LineTable:
     def __post_init__(self) -> None:
         _check_choice(self, {("centre", "radius"): ("size",), ("corners",): ()})
 
-    def line(self, kind: str, taken_names: Iterable[str]) -> Sequence[Corner]:
+    def line(self, kind: str) -> Sequence[Corner]:
         """The corners of the line, which belongs to a `kind`: "holes", "joints" or "regions"."""
         is_hole = kind == "holes"
         if not is_hole and not self.name:
             raise InputError("name", schema.Missing(), schema.ADD)
-        if not is_hole:
-            new_name(self.name, taken_names, kind.removesuffix("s"))
-        elif self.corners is not None and self.name:
+        if is_hole and self.corners is not None and self.name:
             raise InputError("name", self.name, "give the names to the corners where the lines begin")
         if self.corners is not None:
             return self.corners
@@ -237,20 +236,22 @@ class OutlineTable:
 
     def mesh(self) -> TriangleMesh:
         """The triangles that gmsh makes of the outline."""
-        lines_of_kind: dict[str, dict[Any, Sequence[Corner]]] = {"holes": {}, "joints": {}, "regions": {}}
-        for kind, kind_lines in lines_of_kind.items():
+        holes, places = list[Line](), dict[str, str]()  # places in the file by fields of `TriangleMesh.outline`
+        named: dict[str, dict[str, list[Line]]] = {"joints": {}, "regions": {}}
+        for kind in ("holes", *named):
             for index, table in enumerate(getattr(self, kind)):
                 with schema.located(f"{kind}[{index}]", schema.keys_of(LineTable)):
-                    line = table.line(kind, kind_lines)
-                kind_lines[index if kind == "holes" else table.name] = line
-        holes, sizes = list(lines_of_kind.pop("holes").values()), {entry.at: entry.size for entry in self.sizes}
+                    line = table.line(kind)
+                lines = holes if kind == "holes" else named[kind].setdefault(table.name, [])
+                places.setdefault(f"{kind}.{table.name}", f"{kind}[{index}]")
+                places[f"{kind}.{table.name}[{len(lines)}]"] = f"{kind}[{index}]"
+                lines.append(line)
+        sizes = {entry.at: entry.size for entry in self.sizes}
         try:
-            return TriangleMesh.outline(self.corners, self.size, holes=holes, sizes=sizes, **lines_of_kind)
+            return TriangleMesh.outline(self.corners, self.size, holes=holes, sizes=sizes, **named)
         except InputError as error:
-            kind, _, name = error.field.partition(".")
             place = error.field if error.field.split("[")[0] in schema.keys_of(OutlineTable) else ""
-            if name in lines_of_kind.get(kind, ()):
-                place = f"{kind}[{list(lines_of_kind[kind]).index(name)}]"
+            place = places.get(error.field, place)
             raise type(error)(place, error.value, error.remedy) from error
 
 

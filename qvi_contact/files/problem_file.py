@@ -5,6 +5,7 @@ errors count from 0: ``contacts[1].friction`` belongs to the second ``[[contacts
 """
 
 import os
+import re
 import tomllib
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
@@ -56,8 +57,8 @@ _TOO_LONG: Final = (
     "cells = … }, triangles in a mesh file, and functions as expressions"
 )
 _MOST_STEPS: Final = 10_000
-_VARIES_IN_TIME: Final = ("version", "body_potential", "body_forces", "temperature", "material", "regions", *TABLES)
-"""Keys whose values may be expressions in t; they are read again for each load step."""
+_READ_AGAIN: Final = ("version", "free", "body_potential", "body_forces", "temperature", "material", "regions", *TABLES)
+"""Keys whose values may be expressions in t, or which every document needs; they are read for each load step."""
 _RENAMED: Final = {
     "ContactProblem.body_potential": "body_potential",
     "ContactProblem.temperature": "temperature",
@@ -175,6 +176,9 @@ class Document:
     """Prescribed tractions, see `[[tractions]]`: `tractions = [{ edges = "right", x = 0.0, y = 0.0 }]`."""
     contacts: Annotated[tuple[Contact, ...], schema.Tables(Contact, None)] = ()
     """Contacts, see `[[contacts]]`: `contacts = [{ edges = "bottom", friction = 0.3 }]`."""
+    free: schema.Name | None = None
+    """A new name for all edges of the boundary that no condition names, which are then free of stress; without it such
+    edges are an error: `free = "rest"`."""
     solve: Annotated[Mapping[str, Any], schema.Options(SolveOptions)] = field(default_factory=dict)
     """Options of `solve`, see `[solve]`: `solve = { degree = 5 }`."""
     refine: Annotated[Mapping[str, Any], schema.Options(RefineOptions)] = field(default_factory=dict)
@@ -234,6 +238,13 @@ class Document:
                     pairs = part.pairs(mesh, lines)
                     earlier = edge_sets.get(new_name(part.name, taken), pairs[:0])  # of tables with the same name
                     edge_sets[part.name] = np.concatenate([earlier, pairs])
+        if self.free is not None:
+            conditions = [each for kind in TABLES for each in getattr(self, kind)]
+            named = [mesh.topology.number(edge_sets[each.edges]) for each in conditions if each.edges in edge_sets]
+            others = np.setdiff1d(mesh.topology.outer, np.concatenate([*named, mesh.topology.outer[:0]]))
+            if len(others):
+                with schema.located("free", ()):
+                    edge_sets[new_name(self.free, edge_sets)] = mesh.topology.ends[others]
         mesh = replace(mesh, edge_sets=edge_sets)
         for path, arc in arcs.items():
             with schema.located(path, schema.keys_of(ArcTable)):
@@ -255,6 +266,8 @@ class Document:
                 _ = table.cells(mesh, regions)  # raises if its range cuts triangles, or its name is taken
                 regions.append(replace(table, material=replace(table.material, plane=self.material.plane)))
         condition_tables = [(f"{kind}[{i}]", each) for kind in TABLES for i, each in enumerate(getattr(self, kind))]
+        if self.free is not None and self.free in mesh.edge_sets:
+            condition_tables.append(("free", Traction(self.free, normal=0.0, tangential=0.0)))
         try:
             problem = ContactProblem(
                 mesh, self.material, [each for _, each in condition_tables], forces, regions, self.temperature
@@ -392,7 +405,7 @@ class ProblemFile(WithFields):
     def problems(self) -> tuple[ContactProblem, ...]:
         """The problems of all load steps, on one mesh; without a history the single problem."""
         problems, data = [self.problem], self._reader.data
-        time_tables = {name: data[name] for name in _VARIES_IN_TIME if name in data}
+        time_tables = {name: data[name] for name in _READ_AGAIN if name in data}
         for t in self.times[1:]:
             try:
                 document: Document = schema.read_table(Document, time_tables, replace(self._reader, t=t), partly=True)
@@ -464,7 +477,8 @@ def _from_text(text: str, folders: tuple[Path, ...]) -> ProblemFile:
         _, separator, rest = str(error).partition("at line ")  # the parser's message may name a line
         number, lines = rest.split(",")[0], text.splitlines()
         line = lines[int(number) - 1] if separator and number.isdigit() and 0 < int(number) <= len(lines) else ""
-        raise InputError("TOML", line, f"correct the syntax: {error}") from error
+        hint = "no comma may stand before }. The parser says: " * bool(re.search(r",\s*}", line))
+        raise InputError("TOML", line, f"correct the syntax: {hint}{error}") from error
     except RecursionError as error:
         raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
     return replace(_from_tables(data, folders), text=text)

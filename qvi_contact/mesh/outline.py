@@ -100,7 +100,7 @@ class Polygons(NamedTuple):
     """Closed lines: the outer one, and holes."""
     inner: list[Polygon]
     """Joints, open or closed, and the lines around regions."""
-    regions: dict[str, Polygon]
+    regions: dict[str, list[Polygon]]
     every: Polygon
     """All lines, those of the boundary first."""
     points: FloatArray
@@ -128,18 +128,16 @@ def polygons(
     arcs = _Arcs()
     lines = {"corners": corners, **{f"holes[{k}]": line for k, line in enumerate(_checked_list(holes))}}
     boundary = [_polygon(name, line, size, arcs, closed=True) for name, line in lines.items()]
-    inner, areas = list[Polygon](), dict[str, Polygon]()
+    inner, areas = list[Polygon](), dict[str, list[Polygon]]()
     for kind, value in (("joints", joints), ("regions", regions)):
-        for name, line in mapping(kind, value, "names to lines", optional=True).items():
-            if not isinstance(name, str) or not name:
-                raise InputError(kind, name, "give names that are not empty")
+        for path, name, line in _named_lines(kind, value):
             last = _checked_list(line)[-1:]  # a joint whose last corner begins an arc can only lead back to the first
             closed = kind == "regions" or any(isinstance(each, Corner) and each.centre is not None for each in last)
-            polygon = _polygon(f"{kind}.{name}", line, size, arcs, closed=closed)
+            polygon = _polygon(path, line, size, arcs, closed=closed)
             polygon.names[:] = name if kind == "joints" else ""
             inner.append(polygon)
             if kind == "regions":
-                areas[name] = polygon
+                areas.setdefault(name, []).append(polygon)
     points = np.array([point("sizes", place) for place in given_sizes]).reshape(-1, 2)
     point_sizes = np.array([positive_number(f"sizes[{place}]", value) for place, value in given_sizes.items()])
     all_lines = Polygon(*map(np.concatenate, zip(*boundary, *inner, strict=True)))
@@ -149,6 +147,18 @@ def polygons(
     _check_lines(outline)
     _check_inside(outline)
     return outline
+
+
+def _named_lines(kind: str, lines: object) -> Iterator[tuple[str, str, Line]]:
+    """Place in messages, name and corners of each line of the "joints" or "regions", which may have several lines."""
+    for name, line in mapping(kind, lines, "names to lines", optional=True).items():
+        if not isinstance(name, str) or not name:
+            raise InputError(kind, name, "give names that are not empty")
+        first = line[0] if isinstance(line, Sequence) and len(line) else None
+        if isinstance(first, Sequence) and all(isinstance(each, Corner | Sequence) for each in first):  # not (x, y)
+            yield from ((f"{kind}.{name}[{index}]", name, each) for index, each in enumerate(line))
+        else:
+            yield f"{kind}.{name}", name, line
 
 
 def _polygon(name: str, line: Line, size: float, arcs: _Arcs, *, closed: bool) -> Polygon:
@@ -401,13 +411,13 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
     # most of a surface's area decides whether it is in a region: a triangle at an arc may have its centre beyond it
     a, b, c = vertices[cells].swapaxes(0, 1)
     middles, areas = (a + b + c) / 3.0, np.abs(cross(b - a, c - a))
-    area_in = {
-        name: np.bincount(surface, areas * (2.0 * line.holds(middles) - 1.0)) for name, line in shape.regions.items()
-    }
-    regions = {name: np.flatnonzero((share > 0.0)[surface]) for name, share in area_in.items()}
-    for name, chosen in regions.items():
-        if not len(chosen):
+    regions = dict[str, IntArray]()
+    for name, lines in shape.regions.items():
+        area_in = [np.bincount(surface, areas * (2.0 * line.holds(middles) - 1.0)) for line in lines]
+        is_inside = np.array(area_in) > 0.0  # of each line, each surface
+        if not is_inside.any(axis=1).all():
             raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
+        regions[name] = np.flatnonzero(is_inside[:, surface].any(axis=0))
     return MeshParts(vertices, np.sort(cells, axis=1), edge_sets, regions, arcs)
 
 

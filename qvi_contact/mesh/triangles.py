@@ -195,8 +195,8 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         size: float,
         *,
         holes: Sequence[Line] = (),
-        joints: Mapping[str, Line] | None = None,
-        regions: Mapping[str, Line] | None = None,
+        joints: Mapping[str, Line | Sequence[Line]] | None = None,
+        regions: Mapping[str, Line | Sequence[Line]] | None = None,
         sizes: Mapping[Point, float] | None = None,
     ) -> TriangleMesh:
         """A body given by its outline, divided into triangles by gmsh (extra ``mesh``).
@@ -208,7 +208,8 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
 
         Each hole has its corners; `Corner.circle` makes a round one. `joints` are lines inside the body by name, along
         which a `Contact` may hold. A line ends at its last corner. It is closed if its last corner repeats the first,
-        or if an arc begins at the last corner, as in `Corner.circle`. `regions` are triangles inside closed lines.
+        or if an arc begins at the last corner, as in `Corner.circle`. `regions` are triangles inside closed lines. A
+        joint or region may be a list of lines.
         """
         parts = meshed(polygons(corners, size, holes, joints, regions, sizes))
         try:

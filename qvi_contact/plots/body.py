@@ -15,7 +15,7 @@ linear solve. Every stress state has such a displacement, also a step of a histo
 
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -25,6 +25,7 @@ from scipy.sparse.linalg import splu
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, instance_of
 from qvi_contact.companion import Elasticity
 from qvi_contact.discretization.displacements import DisplacementSpace, triangle
+from qvi_contact.discretization.plates import pins
 from qvi_contact.element.edge import bernstein_basis, gauss_legendre
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.plots import style
@@ -147,8 +148,8 @@ def faces(result: ContactResult, name: str) -> tuple[FloatArray, FloatArray]:
     """Displacements (m, 2) [length] of the body and of the obstacle's face at the points of a contact.
 
     The displacement of the body follows from gap, slip, elongation of springs, and the motion of a plate; on a joint it
-    is the jump. The obstacle moves by its gap g and with its plate. Its tangential displacement w is left out, as that
-    does not change the picture. In a history the slip is that since the beginning.
+    is the jump. The obstacle moves by its gap g and with its plate. Its tangential displacement w, and the rotation of
+    a pin, are left out, as they do not change the picture. In a history the slip is that since the beginning.
     """
     discretization, line = result.discretization, result.contacts[name]
     index = next(i for i, rows in enumerate(discretization.contacts) if rows.name == name)
@@ -162,8 +163,10 @@ def faces(result: ContactResult, name: str) -> tuple[FloatArray, FloatArray]:
             displacement -= stress / evaluate(f"Contact.{stiffness}", getattr(contact, stiffness), line.x, line.y)
     body, obstacle = u_n[:, None] * normal + u_t[:, None] * tangent, gap[:, None] * normal
     if name in result.plates:  # a plate driven by force or moment
-        motion = result.plates[name].at(np.column_stack([line.x, line.y]))
-        body, obstacle = body + motion, obstacle + motion
+        motion, points = result.plates[name], np.column_stack([line.x, line.y])
+        is_pin = any(pin.name == name for pin in pins(result.problem))
+        body = body + motion.at(points)
+        obstacle = obstacle + (replace(motion, rotation=0.0) if is_pin else motion).at(points)
     return body, obstacle
 
 

@@ -110,9 +110,10 @@ def test_solve_reports_what_python_computes(shell, plate):
     assert out.splitlines()[0] == "The plate"
     assert "certificate passed" in out
     row = next(row.split() for row in out.splitlines() if row.startswith("plate "))
-    assert [float(word) for word in row[1:3]] == pytest.approx([line.normal_force, line.tangential_force], rel=1e-5)
-    assert sum(float(word) for word in row[3::2]) == pytest.approx(100.0, abs=0.2)
-    assert "[N/mm]" in out
+    numbers = line.normal_force, line.tangential_force, -line.normal_stress.min()
+    assert [float(word) for word in row[1:4]] == pytest.approx(numbers, rel=1e-5)
+    assert sum(float(word) for word in row[4::2]) == pytest.approx(100.0, abs=0.2)
+    assert "peak [MPa]" in out
     document = json.loads(shell("solve", plate, "--json")[1])
     assert (document["solved"], document["title"]) == (True, "The plate")
     assert document["contacts"]["plate"]["normal_force"]["value"] == pytest.approx(line.normal_force, rel=1e-9)

@@ -203,6 +203,7 @@ def test_limit(shell, sliding):
     reached = found["status"], found["guaranteed"], found["rounds"], 0.0 <= found["estimate"] <= 1e-4
     assert reached == ("reached", True, 1, True)
     refused(shell("limit", sliding, *loads, "--target", "-1"), "qvi-contact: --target: -1.0")
+    refused(shell("limit", sliding, *loads, "--max-unknowns", 9), "--max-unknowns: 9: a mesh of ")
 
 
 class TestRefine:

@@ -106,6 +106,7 @@ class TestPolygons:
             ({"holes": [Corner.circle((0.5, 0.5), 0.4999999)]}, "outline", "nearly lies"),
             ({"joints": {"": [(0, 0), (1, 1)]}}, "joints", "not empty"),
             ({"joints": {"seam": [(0, 0)]}}, "joints.seam", "two or more"),
+            ({"joints": {"seam": [[(0, 0), (1, 1)], [(0, 0)]]}}, "joints.seam[1]", "two or more"),
         ],
     )  # fmt: skip
     def test_what_is_no_outline_is_refused(self, changes, field, words):
@@ -181,9 +182,12 @@ class TestMeshes:
             assert 0.4 * size < arch.finest[vertex] < 1.6 * size
 
     def test_joints_may_cross_end_inside_and_be_closed(self):
-        joints = {"up": [(0.5, 0.0), (0.5, 0.7)], "across": [(0.2, 0.5), (0.8, 0.5)]}
-        mesh = TriangleMesh.outline(SQUARE, 0.3, joints=joints)
-        assert [mesh.edges(name).length.sum() for name in joints] == pytest.approx([0.7, 0.6])
+        across = [(0.2, 0.5), (0.8, 0.5)], [(0.0, 0.9), (1.0, 0.8)]  # two lines of one joint
+        joints = {"up": [(0.5, 0.0), (0.5, 0.7)], "across": across}
+        cores = [[(x, 0.1), (x + 0.1, 0.1), (x, 0.3)] for x in (0.1, 0.7)]
+        mesh = TriangleMesh.outline(SQUARE, 0.3, joints=joints, regions={"cores": cores})
+        assert np.linalg.det(np.diff(mesh.corners[mesh.region("cores")], axis=1)).sum() == pytest.approx(0.04)
+        assert [mesh.edges(name).length.sum() for name in joints] == pytest.approx([0.7, 0.6 + np.sqrt(1.01)])
         circle, finer = (Corner.circle((0.5, 0.5), 0.3, size=size) for size in (0.2, 0.1))
         mesh = TriangleMesh.outline(SQUARE, 0.3, joints={"pin": circle}, regions={"pin": finer[::-1]})
         joint = mesh.edges("pin")
@@ -236,7 +240,6 @@ class TestMeshes:
 
 
 FILE = (PROBLEMS / "outline.toml").read_text(encoding="utf-8")
-CORE = 'name = "core", centre = [0.4, 0.6], radius = 0.2'
 
 
 class TestFiles:
@@ -260,7 +263,7 @@ class TestFiles:
             ("radius = 0.2", "radius = -2.0", "mesh.outline.holes[0].radius"),
             (", radius = 0.2", "", "mesh.outline.holes[0].radius"),
             ("{ at = [0.0, 0.2] }, ", "", "mesh.outline.joints[0]"),
-            ("regions = [{", f"regions = [{{ {CORE} }}, {{", "mesh.outline.regions[1].name"),
+            ("[2.0, 0.2] }] }", "[2.0, 0.2] }] }, { name = 'seam', corners = [] }", "mesh.outline.joints[1]"),
             ("at = [1.5, 0.5], size", "at = [1.5, 1.5], size", "mesh.outline.sizes"),
             ("[mesh.outline]", '[mesh]\nfile = "a.msh"\n[mesh.outline]', "mesh.outline"),
         ],

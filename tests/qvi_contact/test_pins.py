@@ -16,7 +16,7 @@ from qvi_contact.discretization import Scales, pins
 from qvi_contact.gallery import arc, fan, press_fit_torque
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mesh import TriangleMesh, cross
-from qvi_contact.plots import history_figure
+from qvi_contact.plots import history_figure, result_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction, disc_gap
 from qvi_contact.refinement import unit_of
 from qvi_contact.solution import turning_senses
@@ -347,8 +347,12 @@ class TestMomentsThatFrictionDoesNotCarry:
         """Pressure on all sides of it holds any moment in equilibrium; its rotation shows what friction carries."""
         pin, drive = partial(Contact.pin, "hole", 0.3, (0.0, 0.0), 0.99, force_x=0.1, force_y=0.0), "its moment"
         problems = [pinned(pin(rotation=turn), mesh=ROUND) for turn in (0.1, 1.0)]
-        turned = [solved(problem, degree=3).plate_force("hole").moment for problem in problems]
+        results = [solved(problem, degree=3) for problem in problems]
+        turned = [result.plate_force("hole").moment for result in results]
         assert turned[1] == pytest.approx(turned[0], rel=1e-9)
+        lines = (result_figure(result).axes[0].lines for result in results)  # both pins are drawn as the same circle
+        drawn = [next(line.get_xydata() for line in each if line.get_color() == "black") for each in lines]
+        assert drawn[1] == pytest.approx(drawn[0], abs=1e-6)
         less, more = (pinned(pin(moment=part * turned[0]), mesh=ROUND) for part in (0.95, 1.05))
         below, above = solve(less, degree=3), solve(more, degree=3, iterations=20)
         assert below.status is Status.SOLVED

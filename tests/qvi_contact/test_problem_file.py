@@ -105,6 +105,17 @@ def test_written_files_are_for_people():
     assert len(text.splitlines()) < 120  # triangles are not one a line
 
 
+def test_edges_without_a_condition_are_free_if_the_file_says_so():
+    """Also in load steps, and if there are none; the name has to be new."""
+    part = SMALL.replace('[[tractions]]\nedges = "right"\nx = 0.0\ny = 0.0', "[history]\ntimes = [1, 2]")
+    problems = [problem for text in (SMALL, part) for problem in problem_from_toml('free = "rest"' + text).problems]
+    forces = [solve(each).contacts["top"].normal_force for each in problems]
+    assert forces == pytest.approx(3 * [forces[0]], rel=1e-9)
+    assert [each.mesh.edges("rest").normal.tolist() for each in problems[1:]] == 2 * [[[1.0, 0.0]]]
+    with refused_at("free", "another name"):
+        problem_from_toml('free = "left"' + part)
+
+
 def plate(**changes):
     problem = compressed_plate(0.2)
     contact = dataclasses.replace(problem.conditions[-1], **changes)
@@ -235,6 +246,7 @@ def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):
      ("a = " + "{" + ".".join("a" * 19) + "=" + ("{" + ".".join("a" * 19) + "=") * 200 + "1" + "}" * 201,
       "nested too deeply"),
      ("a = " + "[" * 5000 + "1" + "]" * 5000, "nested too deeply"), ("a = " + "1" * 5_000, "correct the syntax"),
+     ("a = { b = 1, }", "no comma may stand before }"),
      ("title = '" + "a" * 20_000_001 + "'", "20000000 bytes")],
 )  # fmt: skip
 def test_texts_beyond_measure_are_refused_before_they_are_parsed(text, words):

@@ -265,22 +265,6 @@ def test_options_of_all_methods_keep_the_default():
     assert seen[0].inner_iterations < first.history[0].inner_iterations
 
 
-@pytest.mark.parametrize(
-    ("drag", "options", "status"),
-    [(1.0, {}, Status.INNER_INFEASIBLE), (1.0, {"method": "condensed"}, Status.INNER_INFEASIBLE),
-     (0.31, {"method": "condensed", "max_iterations": 5}, Status.MAX_ITERATIONS)],
-)  # fmt: skip
-def test_the_message_beyond_what_friction_carries_names_the_limit_analysis(drag, options, status):
-    """Of a block on a contact that cannot open, and whose friction carries 0.3, dragged."""
-    loads = [Traction("top", x=drag, y=-1.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
-    ground = Contact("bottom", 0.3, law="bilateral", name="ground")
-    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
-    result = solve(ContactProblem(mesh, Material(1e3, 0.2), [ground, *loads]), **options)
-    assert result.status is status
-    for word in ("beyond", "limit_load_factor", "qvi-contact limit"):
-        assert word in result.message
-
-
 def test_a_small_solve_stays_short():
     """Calls of Python and built-in functions, 10 % above what they were last; fewer are welcome, and then the limit."""
     problems = [compressed_plate(0.2, (4, 4)) for _ in range(3)]

@@ -23,7 +23,6 @@ from qvi_contact.bracket import Bracket
 from qvi_contact.command import report
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.space import FAMILY
-from qvi_contact.errors import place_of
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.mesh.edges import Edges
@@ -190,12 +189,9 @@ def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
 def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """The tables of a result: contacts, resultants on the edge sets of conditions, plates and pins."""
     least, numbers = result.rounding, contact_numbers(result)
-    vertices = result.problem.mesh.vertices
-    x, y = map(report.middle, vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist())
-    about = report.with_units(("F_x", "F_y", f"moment about {place_of((x, y))}"), RESULTANT, units)
-    forces = {each.edges: vars(result.resultant(each.edges)) for each in result.problem.conditions}
-    moments = {name: {"moment": report.moment_about((x, y), **force)} for name, force in forces.items()}
-    resultants = [_row(name, force | moments[name], RESULTANT, least) for name, force in forces.items()]
+    place, forces = report.resultants_on(result, [each.edges for each in result.problem.conditions])
+    about = report.with_units(("F_x", "F_y", f"moment about {place}"), RESULTANT, units)
+    resultants = [_row(name, force, RESULTANT, least) for name, force in forces.items()]
     plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
     tables = [
         contacts_table(list(result.contacts.values()), units),
