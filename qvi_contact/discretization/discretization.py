@@ -158,8 +158,8 @@ class Discretization(WithFields, PicklesFields):
 
     def with_far_obstacles(self) -> Discretization:
         """The same problem, with the same earlier slip, and every obstacle at its true distance, however far."""
-        scales, slip = replace(self.scales, reach=np.inf), [rows.slip for rows in self.contacts]
-        return replace(_discretized(self.problem, self.space, self.rule, scales, slip), later=self.later)
+        slip = [rows.slip for rows in self.contacts] if self.later else None
+        return _discretized(self.problem, self.space, self.rule, replace(self.scales, reach=np.inf), slip)
 
     def with_data(
         self, problem: ContactProblem, scales: Scales | None = None, slip: Sequence[FloatArray] | None = None
@@ -175,8 +175,7 @@ class Discretization(WithFields, PicklesFields):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
         vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes share one cache of matrices
-        discretization = _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
-        return replace(discretization, later=slip is not None)
+        return _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""
@@ -287,7 +286,7 @@ def _discretized(
         n0 = n0 + rule.at_rows(np.concatenate(pressures))
     loads = Loads(f, n0, t0, plates.b, root, load)
     qvi = FrictionQVI(stiffness.matrix(kept), matrices, loads, law_of(contacts))
-    return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works, constant))
+    return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works, constant), slip is not None)
 
 
 def _contact_matrices(

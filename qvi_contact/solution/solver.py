@@ -132,16 +132,17 @@ def _initial(initial: object, discretization: Discretization) -> Start | FloatAr
     if isinstance(initial, ContactResult):
         if not initial.has_state:
             _ = initial.dofs  # raises InputError
-        before, scales = initial.discretization.scales, discretization.scales
-        start = Start.of(initial.solution, before.stress / scales.stress, before.displacement / scales.displacement)
-        one, other = initial.discretization, discretization
+        one, other, solution = initial.discretization, discretization, initial.solution
+        stress = one.scales.stress / other.scales.stress
         same = one.qvi.contact is other.qvi.contact or (  # same unknowns z, same rows of contacts
             one.space.degree == other.space.degree
             and one.qvi.m == other.qvi.m
             and np.array_equal(one.supports.basis.kept, other.supports.basis.kept)
             and one.problem.mesh.same_as(other.problem.mesh)
         )
-        return start if same else start.pressure
+        if same:
+            return Start.of(solution, stress, one.scales.displacement / other.scales.displacement)
+        return stress * solution.problem.pressure(solution.z)
     pressure, count = pressures(initial), discretization.qvi.m
     if pressure.shape != (count,):
         remedy = f"give a ContactResult, or pressures at all {count} contact points as an array of shape ({count},)"

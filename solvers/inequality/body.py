@@ -82,9 +82,12 @@ class Stiffness(PicklesFields):
 
     def check_diagonal(self, least: float) -> None:
         """`InputError` if a diagonal entry is below `least`; without equations all must be above 0."""
-        smallest = float(np.asarray(self.K.diagonal()).min(initial=np.inf))
-        if smallest < least:
-            raise InputError("K", smallest, "give a positive definite K; its diagonal is > 0")
+        if self._least_diagonal < least:
+            raise InputError("K", self._least_diagonal, "give a positive definite K; its diagonal is > 0")
+
+    @cached_property
+    def _least_diagonal(self) -> float:
+        return float(np.asarray(self.K.diagonal()).min(initial=np.inf))
 
     @cached_property
     def positive_diagonal(self) -> Vector:

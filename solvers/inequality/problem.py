@@ -270,7 +270,7 @@ class FrictionQVI(PicklesFields):
         moved = rows @ (units * (v - np.linalg.lstsq(A, A @ v, rcond=None)[0]))
         return bool((np.abs(moved) <= _FIXED * (abs(rows) @ (units * np.abs(v)))).all())
 
-    @property
+    @cached_property
     def contact_stiffness(self) -> float:
         """Scale of the traction that a unit of displacement λ along the whole contact causes; 0 if it causes none.
 
