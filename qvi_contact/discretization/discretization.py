@@ -44,7 +44,6 @@ from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import Kept, PicklesFields, read_only
-from solvers.inequality.rows import are_few
 
 _DEGREE: Final = 4  # default degree of the Airy function
 _MISFIT = 1e-6  # dimensionless difference of given data from their approximation, above which a remark is made
@@ -299,12 +298,12 @@ def _contact_matrices(
         # rows of σ_N at the Gauss points of all contacts, then of σ_T; E Y are the rows of `rule`
         Y = supports.basis.rows(supports.space.trace_rows(edges, rule.points))
         r = Y.shape[0]
-        if are_few(r, r):  # E is block diagonal, with the same block V⁻¹ for every edge
+        if isinstance(Y, np.ndarray):  # E is block diagonal, with the same block V⁻¹ for every edge
             E: Any = np.zeros((r // rule.count, rule.count) * 2)
             E[np.arange(len(E)), :, np.arange(len(E))] = rule.from_points
             E = E.reshape(r, r)
         else:
-            E = sparse.kron(sparse.eye_array(r // rule.count), rule.from_points, format="csc")
+            E = sparse.kron(sparse.eye_array(r // rule.count), rule.from_points, format="csr")
         rows, weights = E @ Y, joined([rows.row_weights for rows in contacts])
         A = plates.resultants.A
         matrices = ContactMatrices(rows[: r // 2], rows[r // 2 :], weights, A, TractionFactor(Y, E))
