@@ -82,18 +82,19 @@ class Stiffness(PicklesFields):
 
     def check_diagonal(self, least: float) -> None:
         """`InputError` if a diagonal entry is below `least`; without equations all must be above 0."""
-        if self._least_diagonal < least:
-            raise InputError("K", self._least_diagonal, "give a positive definite K; its diagonal is > 0")
+        smallest = float(self.diagonal.min(initial=np.inf))
+        if smallest < least:
+            raise InputError("K", smallest, "give a positive definite K; its diagonal is > 0")
 
     @cached_property
-    def _least_diagonal(self) -> float:
-        return float(np.asarray(self.K.diagonal()).min(initial=np.inf))
+    def diagonal(self) -> Vector:
+        """The diagonal of K (n,)."""
+        return np.asarray(self.K.diagonal())
 
     @cached_property
     def positive_diagonal(self) -> Vector:
         """The diagonal of K (n,), 1 where it is zero: z_i √K_ii has the unit √energy for every unknown."""
-        diagonal = np.asarray(self.K.diagonal())
-        return np.where(diagonal > 0.0, diagonal, 1.0)
+        return np.where(self.diagonal > 0.0, self.diagonal, 1.0)
 
     @cached_property
     def by_columns(self) -> Sparse:
@@ -227,9 +228,7 @@ class BondedState:
     def corrected(self) -> tuple[Vector, Vector]:
         """The unknowns (n,) and ν (p,), with defect corrections."""
         loads = self._loads
-        z, nu = self.condensed.system.solve(loads.f, loads.b)
-        size = float(np.sqrt(abs(z @ loads.f - loads.b @ nu)))
-        return self.condensed.corrected(lambda point: loads.state(self._K, point)[1], loads.b, z, nu, size)
+        return self.condensed.minimiser(loads.f, loads.b, lambda z: loads.state(self._K, z)[1])
 
     @cached_property
     def strain_energy(self) -> float:
