@@ -62,8 +62,7 @@ def solve_qvi(qvi: FrictionQVI, method: str | None = None, **settings: Any) -> Q
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
     checked = Settings.of(None, {"method": method, **settings})
-    using = qvi.stiffness.using(checked.factorisation, checked.threads)
-    with deadline(checked.time_limit), Log("solve_qvi", checked.verbose) as log, using:
+    with deadline(checked.time_limit), Log("solve_qvi", checked.verbose) as log:
         log.begin(facts_of(qvi, checked))
         solution = solved(qvi, checked, checked.initial)
         log.end(str(solution.status), solution.message, solution.timings, solution.solved)
@@ -294,17 +293,14 @@ class Search:
 
 
 def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVISolution:
-    """Solve by the method of the settings; if the user chose none, by the other `ATTEMPTS` too.
-
-    The caller sets the deadline, and the factorisation by `Stiffness.using`.
-    """
+    """Solve by the method of the settings; if the user chose none, by the other `ATTEMPTS` too."""
     callback = settings.callback
 
     def hear(progress: Progress) -> None:
         if callback is not None and progress.iteration is not None:
             callback(progress.iteration)
 
-    with listening(hear) if callback else nullcontext():
+    with qvi.stiffness.using(settings.factorisation, settings.threads), listening(hear) if callback else nullcontext():
         search, ways = Search(qvi, settings, initial), {way.method: way for way in ATTEMPTS}
         is_free = settings.by_default and not settings.options.keys() - {"max_iterations"}
         if is_free and qvi.n and 0 < qvi.m <= LARGEST and search.try_way(ways["pivoting"]):

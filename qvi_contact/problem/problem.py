@@ -222,7 +222,7 @@ def with_contacts(problem: ContactProblem, changed: Callable[[Contact], Contact]
     """
     _ = problem.prescribed(Traction)  # computed before, so that both hold it
     conditions = tuple(changed(each) if isinstance(each, Contact) else each for each in problem.conditions)
-    new = object.__new__(ContactProblem)
+    new = object.__new__(type(problem))
     vars(new).update({name: each for name, each in vars(problem).items() if name != "contacts"}, conditions=conditions)
     return new
 

@@ -93,23 +93,22 @@ def solved(
             current = discretize(problem, degree=settings.degree, law_on=settings.law)
         else:
             current = problem
-        with current.qvi.stiffness.using(settings.factorisation, settings.threads):  # once for all solves
-            space, rule = current.space, current.rule
-            if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
-                remedy = (
-                    "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish "
-                    "where the shear does not: leave law_on out, or give 'points'"
-                )
-                raise InputError("law_on", rule.law_on, remedy)
-            element = f"{FAMILY} of degree {space.degree}, contact law on {rule.law_on}"
-            log.begin({"cells": len(space.triangles), "element": element, **facts_of(current.qvi, settings)})
-            initial = settings.initial if before is None else before
-            start = None if initial is None else _initial(initial, current)
+        space, rule = current.space, current.rule
+        if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
+            remedy = (
+                "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish "
+                "where the shear does not: leave law_on out, or give 'points'"
+            )
+            raise InputError("law_on", rule.law_on, remedy)
+        element = f"{FAMILY} of degree {space.degree}, contact law on {rule.law_on}"
+        log.begin({"cells": len(space.triangles), "element": element, **facts_of(current.qvi, settings)})
+        initial = settings.initial if before is None else before
+        start = None if initial is None else _initial(initial, current)
+        solution = solve_checked(current.qvi, settings, start)
+        if _reached(current, solution):
+            attempts, current = (*solution.attempts, FAR_OBSTACLES), current.with_far_obstacles()
             solution = solve_checked(current.qvi, settings, start)
-            if _reached(current, solution):
-                attempts, current = (*solution.attempts, FAR_OBSTACLES), current.with_far_obstacles()
-                solution = solve_checked(current.qvi, settings, start)
-                solution = replace(solution, attempts=(*attempts, *solution.attempts))
+            solution = replace(solution, attempts=(*attempts, *solution.attempts))
         result = _with_proof(ContactResult(current, solution))
         log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if settings.throw and result.status is not Status.SOLVED:
