@@ -239,7 +239,7 @@ def finish(
         several = "the discrete problem may have several solutions, of which this is one"
         remarks = (f"{outcome.turned}: {several}. {WHAT_TO_DO}",)
     return QVISolution(
-        qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, qvi.threshold(qvi.pressure(outcome.z)),
+        qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, qvi.law.threshold(qvi.pressure(outcome.z)),
         certificate, tuple(outcome.history), outcome.iterations,
         {**timings, "certificate": timings["certificate"] + time.perf_counter() - began}, method, inner,
         message, dict(outcome.versions),

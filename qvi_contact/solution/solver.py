@@ -93,15 +93,16 @@ def solved(
             current = discretize(problem, degree=settings.degree, law_on=settings.law)
         else:
             current = problem
-        space, rule = current.space, current.rule
+        rule = current.rule
         if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
             remedy = (
                 "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish "
                 "where the shear does not: leave law_on out, or give 'points'"
             )
             raise InputError("law_on", rule.law_on, remedy)
-        element = f"{FAMILY} of degree {space.degree}, contact law on {rule.law_on}"
-        log.begin({"cells": len(space.triangles), "element": element, **facts_of(current.qvi, settings)})
+        element = f"{FAMILY} of degree {current.space.degree}, contact law on {rule.law_on}"
+        cells = current.problem.mesh.cell_count
+        log.begin({"cells": cells, "element": element, **facts_of(current.qvi, settings)})
         initial = settings.initial if before is None else before
         start = None if initial is None else _initial(initial, current)
         solution = solve_checked(current.qvi, settings, start)

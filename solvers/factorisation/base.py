@@ -194,8 +194,7 @@ def symmetric(upper: Matrix) -> Matrix:
 def limited_blas(count: int) -> Iterator[None]:
     """Limit every loaded BLAS to `count` threads within the context; without threadpoolctl nothing is limited."""
     libraries = blas_libraries(len(sys.modules))
-    before = [library.get_num_threads() for library in libraries]
-    changed = [(library, threads) for library, threads in zip(libraries, before, strict=True) if threads != count]
+    changed = [(library, threads) for library in libraries if (threads := library.get_num_threads()) != count]
     try:
         for library, _ in changed:
             library.set_num_threads(count)

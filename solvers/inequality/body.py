@@ -218,22 +218,24 @@ class Loads(PicklesFields):
         return bonded
 
 
+@dataclass(frozen=True, eq=False)
 class BondedState:
     """Minimiser of the energy under A z = b alone: the contact neither opens nor slips."""
 
-    def __init__(self, K: Columns, condensed: CondensedContact, loads: Loads) -> None:
-        self._K, self.condensed, self._loads = K, condensed, loads
+    K: Columns
+    condensed: CondensedContact
+    loads: Loads
 
     @cached_property
     def corrected(self) -> tuple[Vector, Vector]:
         """The unknowns (n,) and ν (p,), with defect corrections."""
-        loads = self._loads
-        return self.condensed.minimiser(loads.f, loads.b, lambda z: loads.state(self._K, z)[1])
+        loads = self.loads
+        return self.condensed.minimiser(loads.f, loads.b, lambda z: loads.state(self.K, z)[1])
 
     @cached_property
     def strain_energy(self) -> float:
         """Strain energy of the state; 0 if it is rounding, since all loads cancel."""
-        z, root = self.corrected[0], self._loads.root
-        energy = self._loads.state(self._K, z)[0]
+        z, root = self.corrected[0], self.loads.root
+        energy = self.loads.state(self.K, z)[0]
         noise = 0.0 if root is None else _NOISE * root.rounding(z)
-        return energy if energy > max(_CANCELLED * self._loads.at_rest, noise**2 / 2.0) else 0.0
+        return energy if energy > max(_CANCELLED * self.loads.at_rest, noise**2 / 2.0) else 0.0

@@ -317,5 +317,5 @@ class Compliance:
     def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """The state (z, m_N, m_T, ν) that minimises the energy under the multipliers m (2m,)."""
         qvi, forces = self.qvi, self.qvi.contact.rows.T @ m
-        z, nu = self._condensed.minimiser(qvi.f - forces, qvi.b, lambda z: qvi.gradient(z) + forces)
+        z, nu = self._condensed.minimiser(qvi.f - forces, qvi.b, lambda z: qvi.state(z)[1] + forces)
         return z, m[: qvi.m], m[qvi.m :], nu
