@@ -36,7 +36,7 @@ from solvers.inner.linear_program import BackendFailure, attempt
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 from solvers.inner.registry import make_inner, versions
 from solvers.settings import FixedPointOptions
-from solvers.solution import Iteration, Outcome
+from solvers.solution import Iteration, Outcome, Start
 
 # The unknowns of the inner problems.
 #
@@ -404,7 +404,9 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
 
 
 def initial_pressure(qvi: FrictionQVI, initial: object) -> Vector:
-    """The option `initial` as a pressure s (m,), checked."""
+    """The option `initial`, a state of the problem or a pressure, as a pressure s (m,), checked."""
+    if isinstance(initial, Start):
+        return qvi.pressure(initial.z)
     remedy = f"give a finite pressure ≥ 0 of shape ({qvi.m},)"
     s = real_array("initial", initial, remedy)
     if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:

@@ -56,7 +56,7 @@ class CondensedOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FixedPointOptions:
-    """Options of the fixed point; `initial` is the pressure s (m,) ≥ 0 to start from, by default the bonded one.
+    """Options of the fixed point; `initial` is a `Start`, or the pressure s (m,) ≥ 0; by default the bonded one.
 
     By default at most 100 outer iterations.
     """

@@ -148,18 +148,14 @@ class QVISolution:
 class Start:
     """A state of an earlier problem with the same rows, in the units of the problem to be solved."""
 
-    pressure: Vector  # s (m,) ≥ 0
     z: Vector  # (n,)
     multipliers: Vector  # (2m,) row multipliers m_N, m_T, with the signs of `FrictionQVI`
 
     @classmethod
     def of(cls, solution: QVISolution, stress: float = 1.0, displacement: float = 1.0) -> Start:
         """The state of a solution; `stress`, `displacement`: the units of its problem over those of the new one."""
-        return cls(
-            stress * solution.problem.pressure(solution.z),
-            stress * solution.z,
-            displacement * np.concatenate([solution.normal_multiplier, solution.tangential_multiplier]),
-        )
+        multipliers = np.concatenate([solution.normal_multiplier, solution.tangential_multiplier])
+        return cls(stress * solution.z, displacement * multipliers)
 
     def fits(self, qvi: FrictionQVI) -> bool:
         """Whether the arrays have the sizes of the problem."""
@@ -243,7 +239,7 @@ def finish(
         several = "the discrete problem may have several solutions, of which this is one"
         remarks = (f"{outcome.turned}: {several}. {WHAT_TO_DO}",)
     return QVISolution(
-        qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, qvi.threshold(qvi.pressure(outcome.z)),
+        qvi, status, outcome.z, outcome.m_N, outcome.m_T, outcome.nu, qvi.law.threshold(qvi.pressure(outcome.z)),
         certificate, tuple(outcome.history), outcome.iterations,
         {**timings, "certificate": timings["certificate"] + time.perf_counter() - began}, method, inner,
         message, dict(outcome.versions),

@@ -133,8 +133,8 @@ def other_paths(search: Search) -> Tries:
 
 
 def vertex(search: Search) -> Tries:
-    """Pivoting, from the state `initial` if it has the sizes of the problem."""
-    start = search.start if search.start is not None and search.start.fits(search.qvi) else None
+    """Pivoting, from the state `initial` if it is given."""
+    start = search.start if isinstance(search.start, Start) else None
     outcome = solve_pivoting(search.qvi, search.settings.tolerance, search.options(PivotingOptions), start)
     yield Attempt("pivoting", "", outcome.reason, outcome.iterations), outcome
 
@@ -194,16 +194,15 @@ class Search:
         self._began = time.perf_counter()
         given = settings.options.items()
         self._given: dict[str, Any] = {name: int(own) if isinstance(own, np.integer) else own for name, own in given}
-        self.start: Start | None = None  # the state `initial`
-        self._pressure: Vector | None = None  # the pressure `initial`, or that of the state
+        self.start: Start | Vector | None = None  # the pressure `initial`, or the state if it fits
         if initial is not None and settings.takes_state:
-            start = Start.of(initial) if isinstance(initial, QVISolution) else initial
-            self.start = start if isinstance(start, Start) else None
-            self._pressure = initial_pressure(qvi, start if self.start is None else self.start.pressure)
-            if settings.chosen == "fixed-point":
-                self._given["initial"] = self._pressure
-            elif self.start is not None or not settings.by_default:  # a pressure is kept for a later fixed point
-                self._given["initial"] = start
+            state = Start.of(initial) if isinstance(initial, QVISolution) else initial
+            if not isinstance(state, Start):
+                self.start = initial_pressure(qvi, state)
+            elif state.fits(qvi):
+                self.start = state
+            if isinstance(state, Start) or not settings.by_default:  # a pressure is kept for a later fixed point
+                self._given["initial"] = self.start
 
     def options(self, kind: type[Options]) -> Options:
         """Options of the current method, made of the given ones that it has; no integers of NumPy: these overflow."""
@@ -270,7 +269,7 @@ class Search:
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
         self.inner, last, subject = DEFAULT_INNER, first, ""
         for way in later:
-            self._given = {"initial": self._pressure} if way.method in STARTED else {}
+            self._given = {"initial": self.start} if way.method in STARTED else {}
             if limit is not None and way.method in STARTED:
                 self._given["max_iterations"] = limit - first.iterations
             report(Progress(way.method, remark=tried))

@@ -44,7 +44,6 @@ from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import Kept, PicklesFields, read_only
-from solvers.inequality.rows import are_few
 
 _DEGREE: Final = 4  # default degree of the Airy function
 _MISFIT = 1e-6  # dimensionless difference of given data from their approximation, above which a remark is made
@@ -158,8 +157,8 @@ class Discretization(WithFields, PicklesFields):
 
     def with_far_obstacles(self) -> Discretization:
         """The same problem, with the same earlier slip, and every obstacle at its true distance, however far."""
-        scales, slip = replace(self.scales, reach=np.inf), [rows.slip for rows in self.contacts]
-        return replace(_discretized(self.problem, self.space, self.rule, scales, slip), later=self.later)
+        slip = [rows.slip for rows in self.contacts] if self.later else None
+        return _discretized(self.problem, self.space, self.rule, replace(self.scales, reach=np.inf), slip)
 
     def with_data(
         self, problem: ContactProblem, scales: Scales | None = None, slip: Sequence[FloatArray] | None = None
@@ -175,8 +174,7 @@ class Discretization(WithFields, PicklesFields):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
         vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes share one cache of matrices
-        discretization = _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
-        return replace(discretization, later=slip is not None)
+        return _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""
@@ -287,7 +285,7 @@ def _discretized(
         n0 = n0 + rule.at_rows(np.concatenate(pressures))
     loads = Loads(f, n0, t0, plates.b, root, load)
     qvi = FrictionQVI(stiffness.matrix(kept), matrices, loads, law_of(contacts))
-    return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works, constant))
+    return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works, constant), slip is not None)
 
 
 def _contact_matrices(
@@ -300,12 +298,12 @@ def _contact_matrices(
         # rows of σ_N at the Gauss points of all contacts, then of σ_T; E Y are the rows of `rule`
         Y = supports.basis.rows(supports.space.trace_rows(edges, rule.points))
         r = Y.shape[0]
-        if are_few(r, r):  # E is block diagonal, with the same block V⁻¹ for every edge
+        if isinstance(Y, np.ndarray):  # E is block diagonal, with the same block V⁻¹ for every edge
             E: Any = np.zeros((r // rule.count, rule.count) * 2)
             E[np.arange(len(E)), :, np.arange(len(E))] = rule.from_points
             E = E.reshape(r, r)
         else:
-            E = sparse.kron(sparse.eye_array(r // rule.count), rule.from_points, format="csc")
+            E = sparse.kron(sparse.eye_array(r // rule.count), rule.from_points, format="csr")
         rows, weights = E @ Y, joined([rows.row_weights for rows in contacts])
         A = plates.resultants.A
         matrices = ContactMatrices(rows[: r // 2], rows[r // 2 :], weights, A, TractionFactor(Y, E))

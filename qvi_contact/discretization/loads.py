@@ -231,7 +231,7 @@ class ContactRows:
     def work(self, across: FloatArray, along: FloatArray) -> FloatArray:
         """∫ g τ_N + w τ_T ds for g = `across` and w = `along` (m,), as a vector over all degrees of freedom (N,)."""
         points, weights = self.points, self.points.weights
-        return points.space.traction_load(weights * across, weights * along, points.edges, points.reference)
+        return points.space.traction_load(weights * across, weights * along, points.edges, self.rule.points)
 
 
 def contact_rows(

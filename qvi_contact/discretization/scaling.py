@@ -71,7 +71,7 @@ class Scales:
         if callable(problem.body_potential):
             values = evaluate("ContactProblem.body_potential", problem.body_potential, *problem.mesh.vertices.T)
             sizes.append(float(np.ptp(values)))
-        sizes += [forced / (compliance * length) for forced in _forced(problem)]
+        sizes.append(_forced(problem) / (compliance * length))
         for contact in problem.contacts:
             edges = problem.mesh.edges(contact.edges)
             sizes.append(_largest(problem, edges, "Contact.pore_pressure", contact.pore_pressure, 0.0))
@@ -83,9 +83,8 @@ class Scales:
                     arm = max(abs(at - place) for at, place in zip(centre, plate.reference(*centre), strict=True))
                     sizes.append(abs(plate.moment_about(*centre)) / (line * max(line, arm)))
         sizes.append(held_stress(problem))
-        loads = [size for size in sizes if size * compliance > _NONE]
-        if loads:
-            return cls(length, max(loads), compliance)
+        if max(sizes) * compliance > _NONE:
+            return cls(length, max(sizes), compliance)
         given = [(problem.mesh.edges(each.edges), "Contact.cohesion", each.cohesion) for each in problem.contacts]
         cohesion = max([_largest(problem, *each, 0.0) for each in given], default=0.0)
         least = cohesion if cohesion * compliance > _NONE else np.inf
@@ -114,7 +113,7 @@ def _largest(problem: ContactProblem, edges: Edges, name: str, value: Field, min
     return float(np.abs(evaluate(name, value, *problem.mesh.points_along(edges, PLACES), minimum=minimum)).max())
 
 
-def _forced(problem: ContactProblem) -> list[float]:
+def _forced(problem: ContactProblem) -> float:
     """The stretch or squeeze [length] that supports and obstacles force on the body, along x and y if possible.
 
     A prescribed displacement bounds u from both sides, a unilateral contact from one, u_N ≤ g. Bilateral and tied
@@ -122,7 +121,8 @@ def _forced(problem: ContactProblem) -> list[float]:
     only what friction can carry, and do not count. Nor do joints, and the components of plates driven by force.
 
     If all directions are x or y, the forced displacement along each is the largest lower bound less the smallest upper
-    bound. Else it is twice the least distance by which a translation of the body misses a bound, by a linear program.
+    bound; the larger one counts. Else it is twice the least distance by which a translation of the body misses a bound,
+    by a linear program.
     """
     rows, limits = [np.empty((0, 2))], [np.empty(0)]  # d·u ≤ limit
     for direction, values, on_both_sides, *_ in bounds(problem):
@@ -134,13 +134,13 @@ def _forced(problem: ContactProblem) -> list[float]:
     d, limit = np.concatenate(rows), np.concatenate(limits)
     if (np.abs(d).max(axis=1) == 1.0).all():
         by_side = np.array([np.where(d == sign, limit[:, None], np.inf) for sign in (1.0, -1.0)])
-        return [max(0.0, -room) for room in by_side.min(axis=1, initial=np.inf).sum(axis=0).tolist()]
+        return max(0.0, -float(by_side.min(axis=1, initial=np.inf).sum(axis=0).min()))
     if limit.min() >= 0.0:  # u = 0 meets all bounds
-        return [0.0]
+        return 0.0
     box = [(None, None), (None, None), (0.0, None)]  # translation and the distance, which is minimised
     A = np.column_stack([d, -np.ones(len(d))])
     program = solved(np.array([0.0, 0.0, 1.0]), A_ub=A, b_ub=limit, bounds=box)
-    return [2.0 * float(program.x[2]) if program.solved else 0.0]  # S need not be accurate
+    return 2.0 * float(program.x[2]) if program.solved else 0.0  # S need not be accurate
 
 
 def bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, bool, Edges, Contact | None]]:

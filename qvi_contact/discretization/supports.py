@@ -290,21 +290,23 @@ class Basis:
 
         With n for unknowns and f for the degrees of freedom u_f = F z it is K_nn + H + Hᵀ, H = Fᵀ (K_fn + K_ff F/2).
         """
-        n, f = len(self.kept), len(self.following)
-        if not are_few(n, n):
-            dofs = dofs.astype(np.int32 if self.size < np.iinfo(np.int32).max else np.int64)  # that SciPy does not copy
-            pairs = np.repeat(dofs, dofs.shape[1], axis=1).ravel(), np.tile(dofs, dofs.shape[1]).ravel()
-            full: Any = sparse.coo_array((blocks.ravel(), pairs), shape=(self.size, self.size)).tocsr()
-            return (self.matrix.T @ (full @ self.matrix)).tocsc()
+        F: Any = self.factors
+        f, n = F.shape
         # numbers of the degrees of freedom: first the unknowns, then u_f, then one number for all that are zero
         number, size = np.full(self.size, n + f), n + f + 1
         number[self.kept], number[self.following] = np.arange(n), np.arange(n, n + f)
         at = number[dofs]
+        if not are_few(n, n):
+            at = at.astype(np.int32 if size < np.iinfo(np.int32).max else np.int64)  # that SciPy does not copy
+            pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
+            full: Any = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
+            rows, F = full[n:-1], sparse.csr_array(F)
+            H = F.T @ (rows[:, :n] + rows[:, n:-1] @ F / 2.0)
+            return (full[:n, :n] + (H + H.T)).T  # by columns, as K is symmetric
         places = (size * at[:, :, None] + at[:, None]).ravel()
         full = np.bincount(places, blocks.ravel(), size**2).astype(np.float64, copy=False)
         full = full.reshape(size, size)  # cast above, as bincount of no entries is of integers
-        F: Any = self.factors if isinstance(self.factors, np.ndarray) else self.factors.toarray()
-        rows = full[n:-1]
+        F, rows = F if isinstance(F, np.ndarray) else F.toarray(), full[n:-1]
         K, in_use = full[:n, :n].copy(), F.any(axis=0).nonzero()[0]  # the other rows of H are zero
         H = F[:, in_use].T @ (rows[:, :n] + rows[:, n:-1] @ F / 2.0)
         H[:, in_use] = (H[:, in_use] + H[:, in_use].T) / 2.0  # so that K is symmetric to the last bit

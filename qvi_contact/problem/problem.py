@@ -6,7 +6,7 @@ import hashlib
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property, partial
 from typing import Any, Final, NoReturn
 
@@ -211,13 +211,20 @@ def direction_of(name: str, normals: FloatArray, tangents: FloatArray) -> FloatA
     """Unit vectors (n, 2) of the component "x", "y", "normal" or "tangential" where a line has these directions."""
     if name in LOCAL:
         return normals if name == "normal" else tangents
-    return np.tile(np.eye(2)[CARTESIAN.index(name)], (len(normals), 1))
+    return np.full(normals.shape, np.eye(2)[CARTESIAN.index(name)])
 
 
 def with_contacts(problem: ContactProblem, changed: Callable[[Contact], Contact]) -> ContactProblem:
-    """The problem with changed(contact) in place of each contact."""
-    conditions = [changed(each) if isinstance(each, Contact) else each for each in problem.conditions]
-    return replace(problem, conditions=conditions)
+    """The problem with changed(contact), with the same edges and name, in place of each contact.
+
+    Only data at the points of a contact and the plate that it has may change. All else was checked with the given
+    problem, and both problems hold it; what they keep, but `contacts`, does not depend on these data.
+    """
+    _ = problem.prescribed(Traction)  # computed before, so that both hold it
+    conditions = tuple(changed(each) if isinstance(each, Contact) else each for each in problem.conditions)
+    new = object.__new__(type(problem))
+    vars(new).update({name: each for name, each in vars(problem).items() if name != "contacts"}, conditions=conditions)
+    return new
 
 
 def _check_parts(problem: ContactProblem) -> None:

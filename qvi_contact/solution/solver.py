@@ -93,23 +93,23 @@ def solved(
             current = discretize(problem, degree=settings.degree, law_on=settings.law)
         else:
             current = problem
-        with current.qvi.stiffness.using(settings.factorisation, settings.threads):  # once for all solves
-            space, rule = current.space, current.rule
-            if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
-                remedy = (
-                    "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish "
-                    "where the shear does not: leave law_on out, or give 'points'"
-                )
-                raise InputError("law_on", rule.law_on, remedy)
-            element = f"{FAMILY} of degree {space.degree}, contact law on {rule.law_on}"
-            log.begin({"cells": len(space.triangles), "element": element, **facts_of(current.qvi, settings)})
-            initial = settings.initial if before is None else before
-            start = None if initial is None else _initial(initial, current)
+        rule = current.rule
+        if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
+            remedy = (
+                "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish "
+                "where the shear does not: leave law_on out, or give 'points'"
+            )
+            raise InputError("law_on", rule.law_on, remedy)
+        element = f"{FAMILY} of degree {current.space.degree}, contact law on {rule.law_on}"
+        cells = current.problem.mesh.cell_count
+        log.begin({"cells": cells, "element": element, **facts_of(current.qvi, settings)})
+        initial = settings.initial if before is None else before
+        start = None if initial is None else _initial(initial, current)
+        solution = solve_checked(current.qvi, settings, start)
+        if _reached(current, solution):
+            attempts, current = (*solution.attempts, FAR_OBSTACLES), current.with_far_obstacles()
             solution = solve_checked(current.qvi, settings, start)
-            if _reached(current, solution):
-                attempts, current = (*solution.attempts, FAR_OBSTACLES), current.with_far_obstacles()
-                solution = solve_checked(current.qvi, settings, start)
-                solution = replace(solution, attempts=(*attempts, *solution.attempts))
+            solution = replace(solution, attempts=(*attempts, *solution.attempts))
         result = _with_proof(ContactResult(current, solution))
         log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if settings.throw and result.status is not Status.SOLVED:
@@ -132,16 +132,17 @@ def _initial(initial: object, discretization: Discretization) -> Start | FloatAr
     if isinstance(initial, ContactResult):
         if not initial.has_state:
             _ = initial.dofs  # raises InputError
-        before, scales = initial.discretization.scales, discretization.scales
-        start = Start.of(initial.solution, before.stress / scales.stress, before.displacement / scales.displacement)
-        one, other = initial.discretization, discretization
+        one, other, solution = initial.discretization, discretization, initial.solution
+        stress = one.scales.stress / other.scales.stress
         same = one.qvi.contact is other.qvi.contact or (  # same unknowns z, same rows of contacts
             one.space.degree == other.space.degree
             and one.qvi.m == other.qvi.m
             and np.array_equal(one.supports.basis.kept, other.supports.basis.kept)
             and one.problem.mesh.same_as(other.problem.mesh)
         )
-        return start if same else start.pressure
+        if same:
+            return Start.of(solution, stress, one.scales.displacement / other.scales.displacement)
+        return stress * solution.problem.pressure(solution.z)
     pressure, count = pressures(initial), discretization.qvi.m
     if pressure.shape != (count,):
         remedy = f"give a ContactResult, or pressures at all {count} contact points as an array of shape ({count},)"

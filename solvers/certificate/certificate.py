@@ -341,13 +341,15 @@ def certify(
     if len(vectors) < len(arguments) or not np.isfinite(np.concatenate([*vectors.values()])).all():
         return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
     with np.errstate(over="ignore", invalid="ignore"):
-        measures, scales, signed = _measure(qvi, *vectors.values())
+        measures, scales, gap = _measure(qvi, *vectors.values())
     finite = {name: value if isfinite(value) else np.inf for name, value in measures.items()}
-    return Certificate(finite, tolerance, scales, {name: v for name, v in signed.items() if isfinite(v)})
+    return Certificate(finite, tolerance, scales, {"energy_gap": gap} if isfinite(gap) else {})
 
 
-def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) -> tuple[dict[str, float], ...]:
-    """Measures, scales, and the measures that have a sign with it; the module's docstring has the formulas."""
+def _measure(
+    qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector
+) -> tuple[dict[str, float], dict[str, float], float]:
+    """Measures, scales, and the energy gap with its sign; the module's docstring has the formulas."""
     (body, gradient), tractions = qvi.state(z), qvi.tractions(z)
     scales = scales_of(qvi, tractions, body)
     S, E_b = scales["stress"], scales["body_energy"]
@@ -374,7 +376,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     error_tractions = B @ error
     # The residual of the linear solve, and what it leaves to the equations; this norm is below the energy norm times
     # √(entries of a row).
-    parts = [_diagonal_norm(qvi, part) / body_norm for part in (residual - K @ error - conjugate, conjugate)]
+    rest = max(_diagonal_norm(qvi, residual - K @ error - conjugate), _diagonal_norm(qvi, conjugate)) / body_norm
     # |ρ|² for max(m_N, 0) in place of m_N: the residual changes by Nᵀ(max(m_N, 0) − m_N).
     change = np.maximum(m_N, 0.0) - m_N
     if change.any():
@@ -384,11 +386,11 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     gap = work + 0.5 * abs(square)
     measures = {
         "equality": equality,
-        "stationarity": max(energy, largest(error_tractions) / S, work_nu, *parts),
+        "stationarity": max(energy, largest(error_tractions) / S, work_nu, rest),
         "energy_gap": (abs(work) + 0.5 * abs(square)) / E_b,
         **law_measures,
     }
-    return measures, scales, {"energy_gap": copysign(measures["energy_gap"], gap)}
+    return measures, scales, copysign(measures["energy_gap"], gap)
 
 
 def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:

@@ -38,7 +38,7 @@ from solvers.condensed.systems import Coordinates, DenseCoordinates, PathWeights
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest
 from solvers.settings import CondensedOptions
-from solvers.solution import Attempt, Iteration, Outcome, Start
+from solvers.solution import Attempt, Iteration, Outcome
 
 _FIRST_GAP = 1e-5  # gap before the first defect correction; at larger gaps the iteration's error exceeds that of S
 _SLACK, _FORCE = 1e-11, 1e-11  # largest residuals of a solution, see `Measures`
@@ -158,7 +158,7 @@ class CondensedRun:
     def begin_near(self) -> None:
         """Two iterations from the state `initial`, if it is given; back to the usual start if their steps are short."""
         start = self.options.initial
-        if not (isinstance(start, Start) and start.fits(self.qvi) and self.problem.weights.size):
+        if start is None or not self.problem.weights.size:
             return  # without bounds all starts are alike
         interior, usual_y = self.interior, self.interior.point.y
         start_near(interior, self.problem.restricted(self.space.coordinates(start.z)), start)

@@ -82,15 +82,19 @@ class Stiffness(PicklesFields):
 
     def check_diagonal(self, least: float) -> None:
         """`InputError` if a diagonal entry is below `least`; without equations all must be above 0."""
-        smallest = float(np.asarray(self.K.diagonal()).min(initial=np.inf))
+        smallest = float(self.diagonal.min(initial=np.inf))
         if smallest < least:
             raise InputError("K", smallest, "give a positive definite K; its diagonal is > 0")
 
     @cached_property
+    def diagonal(self) -> Vector:
+        """The diagonal of K (n,)."""
+        return np.asarray(self.K.diagonal())
+
+    @cached_property
     def positive_diagonal(self) -> Vector:
         """The diagonal of K (n,), 1 where it is zero: z_i √K_ii has the unit √energy for every unknown."""
-        diagonal = np.asarray(self.K.diagonal())
-        return np.where(diagonal > 0.0, diagonal, 1.0)
+        return np.where(self.diagonal > 0.0, self.diagonal, 1.0)
 
     @cached_property
     def by_columns(self) -> Sparse:
@@ -214,24 +218,24 @@ class Loads(PicklesFields):
         return bonded
 
 
+@dataclass(frozen=True, eq=False)
 class BondedState:
     """Minimiser of the energy under A z = b alone: the contact neither opens nor slips."""
 
-    def __init__(self, K: Columns, condensed: CondensedContact, loads: Loads) -> None:
-        self._K, self.condensed, self._loads = K, condensed, loads
+    K: Columns
+    condensed: CondensedContact
+    loads: Loads
 
     @cached_property
     def corrected(self) -> tuple[Vector, Vector]:
         """The unknowns (n,) and ν (p,), with defect corrections."""
-        loads = self._loads
-        z, nu = self.condensed.system.solve(loads.f, loads.b)
-        size = float(np.sqrt(abs(z @ loads.f - loads.b @ nu)))
-        return self.condensed.corrected(lambda point: loads.state(self._K, point)[1], loads.b, z, nu, size)
+        loads = self.loads
+        return self.condensed.minimiser(loads.f, loads.b, lambda z: loads.state(self.K, z)[1])
 
     @cached_property
     def strain_energy(self) -> float:
         """Strain energy of the state; 0 if it is rounding, since all loads cancel."""
-        z, root = self.corrected[0], self._loads.root
-        energy = self._loads.state(self._K, z)[0]
+        z, root = self.corrected[0], self.loads.root
+        energy = self.loads.state(self.K, z)[0]
         noise = 0.0 if root is None else _NOISE * root.rounding(z)
-        return energy if energy > max(_CANCELLED * self._loads.at_rest, noise**2 / 2.0) else 0.0
+        return energy if energy > max(_CANCELLED * self.loads.at_rest, noise**2 / 2.0) else 0.0

@@ -130,17 +130,16 @@ class CondensedContact:
         self.contact = contact
         self.system = EqualitySystem(contact.A, factor)
 
-    def corrected(
-        self, gradient: Callable[[Vector], Vector], b: Vector, z: Vector, nu: Vector, size: float
-    ) -> tuple[Vector, Vector]:
-        """The z (n,) and ν (p,) with gradient(z) + Aᵀν = 0 and A z = b, from those of a solve by a step of this `size`.
+    def minimiser(self, f: Vector, b: Vector, gradient: Callable[[Vector], Vector]) -> tuple[Vector, Vector]:
+        """The z (n,) and ν (p,) with gradient(z) + Aᵀν = 0 and A z = b, where gradient(z) is K z − f up to rounding.
 
         Defect corrections by the accurate gradient remove the rounding error of K. The first is always computed, as its
         size depends on the load. They end when the next one, predicted by linear convergence, is below
         `_LEAST_CORRECTION`, or when one is not below half the one before, which is not added. Sizes are energy norms
         √(dzᵀK dz).
         """
-        A, before = self.contact.A, size
+        A, (z, nu) = self.contact.A, self.system.solve(f, b)
+        size = before = sqrt(abs(z @ f - b @ nu))
         for _ in range(_MOST_CORRECTIONS):
             residual, violation = gradient(z) + A.T @ nu, b - A @ z
             dz, dnu = self.system.solve(-residual, violation)

@@ -16,7 +16,7 @@ from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vect
 from solvers.errors import InputError
 from solvers.inequality.body import BondedState, EnergyRoot, Loads, Stiffness
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
-from solvers.inequality.rows import checked_vector, dense, generic_vector, transposed
+from solvers.inequality.rows import checked_vector, dense, generic_vector
 from solvers.inequality.traces import TractionFactor
 
 __all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stiffness"]
@@ -270,7 +270,7 @@ class FrictionQVI(PicklesFields):
         moved = rows @ (units * (v - np.linalg.lstsq(A, A @ v, rcond=None)[0]))
         return bool((np.abs(moved) <= _FIXED * (abs(rows) @ (units * np.abs(v)))).all())
 
-    @property
+    @cached_property
     def contact_stiffness(self) -> float:
         """Scale of the traction that a unit of displacement λ along the whole contact causes; 0 if it causes none.
 
@@ -295,8 +295,6 @@ class FrictionQVI(PicklesFields):
 
 
 # The compliance of the body at the contact points: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T].
-#
-# As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
 
 
 class Compliance:
@@ -312,17 +310,12 @@ class Compliance:
     """
 
     def __init__(self, qvi: FrictionQVI) -> None:
-        self.qvi = qvi
+        self.qvi, self._condensed = qvi, qvi.condensed_contact  # whose factorisation serves the bonded state too
         self.bonded = qvi.tractions(qvi.bonded)
-        self._condensed = qvi.condensed_contact
         self.dense = self._condensed.compliance
 
     def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """The state (z, m_N, m_T, ν) that minimises the energy under the multipliers m (2m,)."""
-        qvi, condensed, (z, nu) = self.qvi, self._condensed, self.qvi.bonded_state.corrected
-        forces, interface_forces = qvi.contact.rows.T @ m, transposed(condensed.interface_rows) @ m
-        values, dnu = condensed.system.solve_interface(-interface_forces)
-        dz = condensed.system.factor.expand(np.zeros(qvi.n), values)
-        size = float(np.sqrt(abs(dz @ forces)))
-        z, nu = condensed.corrected(lambda z: qvi.gradient(z) + forces, qvi.b, z + dz, nu + dnu, size)
+        qvi, forces = self.qvi, self.qvi.contact.rows.T @ m
+        z, nu = self._condensed.minimiser(qvi.f - forces, qvi.b, lambda z: qvi.state(z)[1] + forces)
         return z, m[: qvi.m], m[qvi.m :], nu

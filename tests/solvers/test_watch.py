@@ -249,8 +249,8 @@ def test_a_start_does_not_change_the_method_and_states_of_other_problems_give_th
     started = solve_qvi(qvi, initial=qvi.pressure(plain.z))
     assert (started.method, started.iterations) == (plain.method, plain.iterations)
     assert np.array_equal(started.z, plain.z)
-    other = Start(np.ones(qvi.m), np.zeros(qvi.n + 1), np.zeros(2 * qvi.m))
-    assert solve_qvi(qvi, initial=other).iterations == plain.iterations
+    assert solve_qvi(qvi, initial=Start(np.zeros(qvi.n + 1), np.zeros(2 * qvi.m))).iterations == plain.iterations
+    assert solve_qvi(qvi, "fixed-point", initial=plain).iterations == 1 < solve_qvi(qvi, "fixed-point").iterations
     for settings in ({"method": "condensed"}, {"method": "uzawa"}, {"rule": "printed"}):
         with refused_at("initial"):
             solve_qvi(qvi, **settings, initial=np.ones(qvi.m))
@@ -298,7 +298,7 @@ def test_a_misleading_state_is_left(method):
     plain = solve_qvi(qvi, method)
     rng = np.random.default_rng(0)
     for size in (1.0, 1e6):
-        state = Start(np.zeros(qvi.m), *(size * rng.normal(size=k) for k in (qvi.n, 2 * qvi.m)))
+        state = Start(*(size * rng.normal(size=k) for k in (qvi.n, 2 * qvi.m)))
         found = solve_qvi(qvi, method, initial=state)
         assert (found.solved, found.method) == (True, plain.method)
         assert found.z == pytest.approx(plain.z, abs=1e-6)
