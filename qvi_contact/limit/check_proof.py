@@ -61,10 +61,11 @@ def carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
     for t, cones, _, slopes, stress in triangles(proof, proof["stress"]):
         for (xx_x, _), (_, yy_y), (xy_x, xy_y) in gradient(stress, slopes):
             demand(xx_x + xy_y + b_x == 0 == xy_x + yy_y + b_y, f"triangle {t} is not in equilibrium")
-        for (xx, yy, xy), (a, beta, gamma2) in product(stress.values(), cones):
-            limit, square = a - beta * (xx + yy), (xx - yy) ** 2 + 4 * xy**2 + gamma2 * (xx + yy) ** 2
-            demand(limit >= 0 and square <= limit**2, f"a stress of triangle {t} is beyond its strength")
-            counted["stresses in cones"] += 1
+        for cone in cones:
+            forms = [stress, *divided(stress, slopes)] if cone == [0, 1, 0] else [stress]
+            is_within = any(all(within(cone, each) for each in form.values()) for form in forms)
+            demand(is_within, f"a stress of triangle {t} is beyond its strength")
+            counted["stresses in cones"] += len(stress)
     for edge, n, both, contact, pressure, loads in edges(proof, proof["stress"]):
         values, *other = [[(xx * n[0] + xy * n[1], xy * n[0] + yy * n[1]) for xx, yy, xy in side] for side in both]
         demand(other in ([], [values]), f"tractions across edge {edge} differ")
@@ -212,6 +213,39 @@ def law(contact: dict[str, Any]) -> tuple[Any, ...]:
     demand(min(mu, c, cap or 0) >= 0, f"contact {contact['name']!r} has a negative strength")
     demand(contact["law"] in ("unilateral", "bilateral", "tied"), f"contact {contact['name']!r} has an unknown law")
     return mu, c, inf if cap is None or contact["law"] == "tied" else cap
+
+
+def within(cone: list[Any], stress: tuple[Any, ...]) -> bool:
+    """Whether a stress is in the cone |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S, S = σ_xx + σ_yy."""
+    (a, beta, gamma2), (xx, yy, xy) = cone, stress
+    limit, square = a - beta * (xx + yy), (xx - yy) ** 2 + 4 * xy**2 + gamma2 * (xx + yy) ** 2
+    return bool(limit >= 0 and square <= limit**2)
+
+
+def divided(stress: dict[Any, Any], slopes: Any) -> Iterator[dict[Any, Any]]:
+    """Ordinates of (σ_nn/λ², σ_tt, σ_nt/λ) for sides λ = 0 with the normal n = ∇λ, where these are polynomials.
+
+    They bear no tension if and only if σ bears none inside the triangle: σ is D σ' D with the matrix D = diag(λ, 1).
+    """
+    for corner, (x, y) in enumerate(slopes):
+        n, t = (x, y), (-y, x)
+        parts = [{alpha: u[0] * v[0] * xx + u[1] * v[1] * yy + (u[0] * v[1] + u[1] * v[0]) * xy
+                  for alpha, (xx, yy, xy) in stress.items()} for u, v in ((n, n), (t, t), (n, t))]  # fmt: skip
+        if any(part[alpha] for part, k in zip(parts, (2, 0, 1), strict=True) for alpha in stress if alpha[corner] < k):
+            continue
+        nn, tt, nt = parts
+        parts = [quotient(quotient(nn, corner), corner), tt, quotient(nt, corner)]
+        yield {alpha: tuple(part[alpha] for part in parts) for alpha in stress}
+
+
+def quotient(values: dict[Any, Any], corner: int) -> dict[Any, Any]:
+    """Ordinates of f, written in the same degree, from those of λ f; λ is the barycentric coordinate of the corner."""
+    quotients = dict(values)
+    for alpha, i in product(values, {0, 1, 2} - {corner}):
+        if alpha[i]:
+            neighbour = tuple(alpha[n] + (n == corner) - (n == i) for n in range(3))
+            quotients[alpha] = quotients[alpha] + Fraction(alpha[i], alpha[corner] + 1) * values[neighbour]
+    return quotients
 
 
 def admissible(contact: dict[str, Any], tractions: list[Any], normal: Any) -> bool:

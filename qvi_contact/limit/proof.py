@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
+from itertools import combinations, product
 from operator import add
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
@@ -55,6 +56,7 @@ _KEPT_BACK_ABOVE: Final = 1e-9  # share of the way to a flow inside all limits, 
 _STRAIGHT: Final = "proof files are for bodies of straight triangles without holes that carry forces"
 _AFFINE: Final = 1e-10  # relative size of a misfit or of a coefficient of an affine potential that is rounding
 _ACTIVE: Final = 1e-9  # speed of opening, relative, up to which a contact of rigid blocks is at its limit
+_FACE: Final = 1e-11  # tension, or stress across a direction, relative, that is rounding
 _AXES: Final[list[Vector]] = [(ONE, ZERO), (ZERO, ONE)]
 _Edge: TypeAlias = tuple[int, int]
 _Load: TypeAlias = tuple[Vector, list[list[Fraction]]]  # d; ordinates of d·σn that are fixed, and that are multiplied
@@ -285,7 +287,7 @@ class Statement:
 def carried(statement: Statement, program: StressProgram) -> dict[str, Any]:
     """The part of a proof with stresses of the program, which carry the loads times a factor."""
     found = program.carried(_KEPT_BACK)
-    if found.unknowns is None:
+    if found.unknowns is None or found.stress is None:
         carried_loads = (
             "no multiple of the loads with a margin for rounding" if found.factor < 0.0 else "any multiple of the loads"
         )
@@ -294,10 +296,11 @@ def carried(statement: Statement, program: StressProgram) -> dict[str, Any]:
     space = Smooth(statement.about["vertices"], statement.about["triangles"], p)
     rough = space.rounded(_rounded_airy(program, found.unknowns))
 
-    amounts = list[Fraction]()
+    stress, amounts = found.stress.reshape(len(space.triangles), -1, 3), list[Fraction]()
     while True:
         try:
             rows = [*_tractions(statement, space, factor), *_resultants(statement, space, factor)]
+            rows += _on_faces(statement, space, factor, stress)
             values = space.solved(rows, rough)
             airy = [[(values[n],) for n in part] for part in space.columns.tolist()]
             return {"stress": {"factor": factor, "degree": p - 2, "ordinates": _stresses(statement, p, factor, airy)}}
@@ -323,20 +326,27 @@ def _stresses(statement: Statement, p: int, factor: Fraction, airy: Sequence[Any
 
 
 def _tractions(statement: Statement, space: Smooth, factor: Fraction) -> Iterator[Row]:
-    """Equations of loads, and of contacts without shear, on edges: d·G' = d·σn less the part of φ."""
+    """Equations of loads, and of contacts without shear, on edges."""
     k, potential, loads_of = space.p - 2, statement.potential(factor), dict(statement.loads)
     for contact in statement.about["contacts"]:
         no_shear = contact["friction"] == contact["cohesion"] == 0 or contact["shear_limit"] == 0
         if no_shear and contact["law"] != "tied":
             loads_of |= {pair: [(statement.edge(pair), [[ZERO] * (k + 1)] * 2)] for pair in contact["edges"]}
     for pair, loads in loads_of.items():
-        (x, y), out, start = statement.edge(pair), statement.outward[pair], statement.points[pair[0]]
+        e, out, (t, a, b) = statement.edge(pair), statement.outward[pair], space.sides[pair][0]
         for d, values in loads:
-            G = [space.slope(space.sides[pair][0], (-d[1], d[0]), n) for n in range(k + 2)]
             for n, value in enumerate(at_factor(values, factor)):
-                share = Fraction(n, k)
-                phi = potential[0] + dot(potential[1:], (start[0] + share * x, start[1] + share * y))
-                yield combined((ONE * (k + 1), G[n + 1]), (-ONE * (k + 1), G[n])), out * value - phi * dot(d, (y, -x))
+                alpha = [(k - n) * (i == a) + n * (i == b) for i in range(3)]
+                yield _traction(space, potential, t, alpha, e, d, out * value)
+
+
+def _traction(
+    space: Smooth, c: Sequence[Fraction], t: int, alpha: Sequence[int], e: Vector, d: Vector, value: Fraction = ZERO
+) -> Row:
+    """The equation d·σn = value, n = (e_y, −e_x), at the ordinate α of a triangle; φ has the coefficients c."""
+    corners = [space.points[v] for v in space.triangles[t]]
+    phi = c[0] + dot(c[1:], middle(corners, [Fraction(n, space.p - 2) for n in alpha]))
+    return space.second(t, alpha, (-d[1], d[0]), e), value - phi * dot(d, (e[1], -e[0]))
 
 
 def _resultants(statement: Statement, space: Smooth, factor: Fraction) -> Iterator[Row]:
@@ -359,6 +369,25 @@ def _resultants(statement: Statement, space: Smooth, factor: Fraction) -> Iterat
                 first, second = (out * [e[1], -e[0], -dot(r, e)][i] for r in arms)  # n, and r × n
                 right -= (phi[0] * (2 * first + second) + phi[1] * (first + 2 * second)) / 6
             yield row, right
+
+
+def _on_faces(statement: Statement, space: Smooth, factor: Fraction, stress: FloatArray) -> Iterator[Row]:
+    """Equations σ n = 0 of stresses that, up to rounding, bear pressure along a side of a triangle only, or none.
+
+    Cones R ≤ −S without room leave only such stresses, and rounding would take these out of the cones.
+    """
+    c, small, at_vertex = statement.potential(factor), _FACE * np.abs(stress).max(), dict[int, list[_Edge]]()
+    for pair, end in product(statement.loads, (0, 1)):
+        at_vertex.setdefault(pair[end], []).append(pair)
+    for t, corners in enumerate(space.triangles):
+        if [ZERO, ONE, ZERO] not in statement.about["strengths"][statement.about["strength_of"][t]]:
+            continue
+        pairs = [*combinations(corners, 2), *(pair for v in corners for pair in at_vertex.get(v, []))]
+        for alpha, sigma in zip(_exponents(space.p - 2), stress[t], strict=True):
+            for x, y in (less(space.points[j], space.points[i]) for i, j in pairs):
+                across = np.array([[y, 0.0, -x], [0.0, -x, y]], dtype=float) @ sigma
+                if np.abs(across).max() <= small * math.hypot(x, y):
+                    yield from (_traction(space, c, t, alpha, (x, y), d) for d in _AXES)
 
 
 def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:

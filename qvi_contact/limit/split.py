@@ -166,6 +166,16 @@ class Smooth:
         return {self._column(t, dict(zip(order, weights, strict=True))): self.p * part
                 for weights, part in parts.items() if part}  # fmt: skip
 
+    def second(self, t: int, alpha: Sequence[int], d: Vector, e: Vector) -> Terms:
+        """The ordinate α of degree p − 2 of the second derivative of Φ along d and e, on one triangle."""
+        a, b, c = (self.points[v] for v in self.triangles[t])
+        area = cross(less(b, a), less(c, a))
+        along_d, along_e = ([cross(way, less(q, r)) / area for q, r in ((b, c), (c, a), (a, b))] for way in (d, e))
+        pairs = list(product(range(3), repeat=2))
+        columns = [self._column(t, {n: alpha[n] + (n == i) + (n == j) for n in range(3)}) for i, j in pairs]
+        parts = [self.p * (self.p - 1) * along_d[i] * along_e[j] for i, j in pairs]
+        return combined(*((part, {column: ONE}) for part, column in zip(parts, columns, strict=True)))
+
     def _column(self, t: int, weights: Mapping[int, int]) -> int:
         """The number of the ordinate of a triangle with these weights of its corners."""
         return int(self.columns[t, self._place[weights.get(0, 0), weights.get(1, 0), weights.get(2, 0)]])

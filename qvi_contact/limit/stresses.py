@@ -8,7 +8,7 @@ least value from below and its largest from above, as far as samples show them.
 The friction bound of a bilateral contact grows with |σ_N|. So one sign of σ_N is chosen on each edge, or no sign, and
 then friction does not count. Where no body yields, only contacts limit tractions, and the program is linear.
 
-In `docs/theory.md`: (D24), (D36).
+In `docs/theory.md`: (D24), (D36), (D41).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
+from qvi_contact.limit.check_proof import quotient
 from qvi_contact.limit.conic import APART, HELD, LATE, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
@@ -59,6 +60,7 @@ CERTIFIED: Final = 1e-7
 """Largest accepted violation of the rows, and largest gap of the bounds relative to 1 + factor."""
 
 _MOST: Final = 1e6  # upper bound of the factor in a second try, if the program without a bound was not solved
+_FREE: Final = 1e-10  # stress, relative to that in other directions and to loads, that is rounding where it should be 0
 _LOST: Final = 1e-13  # stress by an unknown, relative to that of others in the same rows, that is rounding
 _TRIALS: Final = 40  # largest number of programs with different signs of bilateral pressure
 _COST: Final = 1e4  # cost of the factor, which makes absolute tolerances of multipliers smaller by this factor
@@ -511,7 +513,7 @@ class StressProgram:
         (N, n), (S, s) = self._tractions, self._stress
         H, limit = whole_edge_rows(self.low, np.full(len(both_signs(self.low)), EITHER) if signs is None else signs)
         # rows of t = a − β S and u = (σ_xx − σ_yy, 2σ_xy, γ S) of each cone
-        cones, first_rows = self.cones, 3 * self.cones.coefficient
+        cones, (S, s, first_rows) = self.cones, self._divided(S, s)
         xx, yy, xy = (S[first_rows + i] for i in range(3))
         c_xx, c_yy, c_xy = (s[first_rows + i] for i in range(3))
         trace, constant, limits = xx + yy, c_xx + c_yy, cones.limit / self.low.scales.stress
@@ -531,6 +533,51 @@ class StressProgram:
         rows, all_stresses = (sparse.linalg.norm(matrix, axis=0) for matrix in (program.A, S))
         is_used = np.append((rows > _LOST * all_stresses)[:-1], True)
         return replace(program, A=sparse.csr_array(program.A @ sparse.diags_array(is_used.astype(float))))
+
+    def _divided(self, S: sparse.csr_array, s: FloatArray) -> tuple[sparse.csr_array, FloatArray, IntArray]:
+        """Coefficients of σ, below them those of σ' of (D41) beside free sides, and the first row (r,) of each cone.
+
+        Cones R ≤ −S have the coefficients of σ' there, all others those of σ. A side is free if loads leave it without
+        traction, and without body force across it: then σ_nn/λ² and σ_nt/λ are polynomials.
+        """
+        cones, k, count = self.cones, self.cones.degree, self.cones.count
+        # rows are ordered by cone, and then by part
+        part, first_rows, whole = cones.coefficient // count, 3 * cones.coefficient, cones.limit.reshape(-1, count)
+        is_tip = (cones.pressure == 1.0) & (cones.mean == 0.0) & ~whole.any(axis=1).repeat(count)
+        parts = np.unique(part[is_tip])
+        if not len(parts):
+            return S, s, first_rows
+        # tensors t ⊗ t, n ⊗ t and n ⊗ n, symmetric, as (xx, yy, xy): parts of σ along them are divided by 1, λ and λ²
+        a, b, _ = np.moveaxis(part_corners(cones.mesh.corners).reshape(-1, 3, 2)[parts], 1, 0)
+        t = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+        n = np.column_stack([t[:, 1], -t[:, 0]])
+        dyads = [np.einsum("pi,pj->ijp", u, v) for u, v in ((t, t), (n, t), (n, n))]
+        tensors = [np.column_stack([uv[0, 0], uv[1, 1], (uv[0, 1] + uv[1, 0]) / 2.0]) for uv in dyads]
+        rows = [tensor * [1.0, 1.0, 2.0] for tensor in tensors]
+
+        def on_parts(numbers: IntArray, blocks: FloatArray) -> sparse.csr_array:
+            """Blocks (parts, r, 3 count) of numbered parts, as rows on all stress coefficients."""
+            shape = len(numbers) * blocks.shape[1], len(s)
+            return sparse.csr_array(sparse.bsr_array((blocks, numbers, np.arange(len(numbers) + 1)), shape=shape))
+
+        # a side is free where what has to be zero there is zero, for all unknowns and for the loads
+        alpha, unit = exponents(k), np.eye(count)
+        zero = [np.einsum("ij,pc->pijc", unit[alpha[:, 2] < power], rows[power]) for power in (1, 2)]
+        Z = on_parts(parts, np.concatenate(zero, axis=1).reshape(len(parts), -1, 3 * count))
+        loads = np.column_stack([s, S[:, [-1]].toarray()])
+        left, sizes = (sparse.linalg.norm(matrix[:, :-1], axis=1) for matrix in (Z @ S, S))
+        is_free = left.reshape(len(parts), -1).max(axis=1) <= _FREE * sizes.reshape(-1, 3 * count)[parts].max(axis=1)
+        is_free &= np.abs(Z @ loads).reshape(len(parts), -1).max(axis=1) <= _FREE * np.abs(loads).max()
+        free, blocks = parts[is_free], np.zeros((len(parts), count, 3, count, 3))
+        Q = np.array([*quotient(dict(zip(map(tuple, alpha.tolist()), unit, strict=True)), 2).values()], dtype=float)
+        for power, times in enumerate((1.0, 2.0, 1.0)):
+            quotients = times * np.linalg.matrix_power(Q, power)
+            blocks += np.einsum("ij,pc,pd->picjd", quotients, tensors[power], rows[power])
+        D = on_parts(free, blocks.reshape(len(parts), 3 * count, 3 * count)[is_free])
+        is_divided = is_tip & np.isin(part, free)
+        places = np.searchsorted(free, part[is_divided]) * count + cones.coefficient[is_divided] % count
+        first_rows[is_divided] = len(s) + 3 * places
+        return sparse.csr_array(sparse.vstack([S, D @ S])), np.append(s, D @ s), first_rows
 
     @property
     def _tractions(self) -> tuple[sparse.csr_array, FloatArray]:

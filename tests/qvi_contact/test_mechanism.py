@@ -105,8 +105,6 @@ class TestLaws:
             ({"friction": 0.3, "cohesion": 1.5}, 4.5),
             ({"friction": 0.3, "cohesion": 1.5, "shear_limit": 4.0}, 4.0),
             ({"friction": 0.3, "cohesion": 1.5, "shear_limit": 1.0}, 1.0),
-            ({"friction": 0.3, "shear_limit": 40.0}, 3.0),
-            ({"friction": 0.0, "cohesion": 2.0}, 2.0),
             ({"friction": 0.0, "cohesion": 2.0, "shear_limit": 4.0}, 2.0),
             ({"friction": 0.0, "cohesion": lambda x, _: 1.0 + x**2}, 1.0 + 4.0 / 3.0),
             ({"friction": 0.3, "law": "bilateral"}, np.inf),

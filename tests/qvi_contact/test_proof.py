@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 import qvi_contact.limit
-from qvi_contact import SolveError, Tresca, TriangleMesh, limit_load_factor, limit_proof, load_problem, save_problem
-from qvi_contact.limit import check, check_proof, sentences
+from qvi_contact import NoTension, SolveError, Tresca, TriangleMesh, limit_load_factor, load_problem, save_problem
+from qvi_contact.element import exponents
+from qvi_contact.limit import check, check_proof, limit_proof, sentences
 from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, Region, RigidPlate, Traction
 from tests.cases import refused_at
 from tests.qvi_contact.test_limit_yielding import random_body, stretched
@@ -149,14 +150,22 @@ def test_every_number_of_a_plate_counts(strength):
     assert check(changed(proof, (*plate, "forces", 1, 0, 0)))[1] != check(proof)[1]
 
 
-def test_cones_share_all_of_a_strain_rate():
-    """A part that no cone has would cost nothing."""
-    proof = limit_proof(heavy_wall(MohrCoulomb(2.0, 0.6, tension=0.5)), ["push"], degree=3)
-    del proof["stress"]
-    rates = (shares for part in proof["flow"]["rates"] for shares in part)
-    max(rates, key=lambda shares: Fraction(shares[0][0]))[0][0] = "0"
-    with pytest.raises(ValueError, match="cannot flow"):
-        check(proof)
+def test_thrust_crosses_masonry_beside_a_free_side():
+    """A square under p = 1, pushed by q, turns over its toe at q = 1. Cones at coefficients of σ there left q = 0.5."""
+    sides = [Contact.tied("bottom"), Traction("top", 0.0, -1.0), Traction("right", 0.0, 0.0), Traction("left", 1, 0)]
+    for cells in (2, 4):
+        block = replace(stretched(NoTension(), mesh=TriangleMesh.rectangle((cells, cells))), conditions=sides)
+        limit = limit_load_factor(block, ["left"], degree=4)
+        assert 1.0 - 0.9 / cells < limit.lower < 1.0 < limit.upper < 1.0 + 0.4 / cells
+    points = np.random.default_rng(1).dirichlet([1.0] * 3, 99)[:, None] ** exponents(2)
+    xx, yy, xy = np.moveaxis((points.prod(axis=2) * [1, 2, 2, 1, 2, 1]) @ limit.collapse.stress, -1, 0)
+    assert (xx + yy + np.hypot(xx - yy, 2.0 * xy)).max() < 1e-9
+    assert float(check(limit_proof(block, ["left"], degree=4))[0]) == pytest.approx(limit.lower, rel=1e-6)
+    # σ_yy = −3 λ², σ_xy = λ (1, 2, 4) and σ_xx = −1 … −6 in coefficients, λ = 0 along y = 0
+    stress = zip(range(6), (0, 0, 0, 0, 0, -3), map(Fraction, ("0", "0", "1/2", "0", "1", "4")), strict=True)
+    stress = dict(zip(check_proof.exponents(2), ((-1 - n, yy, xy) for n, yy, xy in stress), strict=True))
+    (found,) = check_proof.divided(stress, [(-1, -1), (1, 0), (0, 1)])
+    assert [*zip(*found.values(), strict=True)] == [(-3,) * 6, (-1, -2, -3, -4, -5, -6), (-1, -1.5, -2.5, -2, -3, -4)]
 
 
 def test_what_is_tied_slips_at_no_price():
@@ -301,6 +310,8 @@ def test_a_strain_rate_must_lie_in_its_cone():
     ordinates = [[up[1], up[1], up[0]], [up[1], up[0], up[0]]]
     proof["flow"] |= {"ordinates": ordinates, "rates": [[[["1/500", 0, 0, 0]]]] * 2}
     assert check(proof | {"strengths": [[[1, 0, 1]]]})[1] == 2
-    for wrong in ([1, 0, 0], [1, 0, "1/4"]):
-        with pytest.raises(ValueError, match="triangle 0"):
-            check(proof | {"strengths": [[wrong]]})
+    shares = [["1/500", 0, 0, 0], ["0", "1/1000", 0, 0]]  # a part that no cone has would cost nothing
+    for wrong in ([[1, 0, 0]], [[1, 0, "1/4"]], [[1, 0, 1]] * 2):
+        proof["flow"]["rates"] = [[shares[: len(wrong)]]] * 2
+        with pytest.raises(ValueError, match="triangle 0 cannot flow"):
+            check(proof | {"strengths": [wrong]})
