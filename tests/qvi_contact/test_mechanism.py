@@ -165,6 +165,14 @@ class TestSupportsAndPlates:
         pulled = replace(problem, conditions=[*conditions[:-1], Traction("right", 1.0, 0.0, name="side")])
         assert upper_bound(pulled, ["side"]) == (np.inf, None)
 
+    @pytest.mark.parametrize("degrees", [0.0, 17.0, 70.0])
+    def test_rounding_of_far_coordinates_bends_no_line_of_symmetry(self, degrees):
+        """A bar pulled along such a line by p w slides where the cohesion c on its other side h gives way."""
+        mesh = oblique(TriangleMesh.rectangle((1, 4), 1.0, 4.0, origin=(1e5, -1e5)), degrees)
+        pulled = [Traction("top", normal=1.0, tangential=0.0), Traction("bottom", normal=0.0, tangential=0.0)]
+        problem = ContactProblem(mesh, STEEL, [Symmetry("left"), Contact.tresca("right", 0.5), *pulled])
+        assert upper_bound(problem, ["top"])[0] == pytest.approx(0.5 * 4.0 / 1.0, rel=EXACT)
+
     @pytest.mark.parametrize("given", [0.5, 20.0])
     def test_a_ram_pushes(self, given):
         """μ times the pressure, whatever the mesh; the plate moves with the block."""

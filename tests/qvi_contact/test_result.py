@@ -119,7 +119,7 @@ def test_points_of_the_boundary_belong_to_the_body(shift, unit):
     numbers = np.random.default_rng(1)
     active = np.ones((6, 6), dtype=bool)
     active[3:, 4:] = active[:2, :2] = False
-    x, y = (unit * (shift + np.append(0.0, np.cumsum(numbers.uniform(0.05, 1.0, 6)))) for _ in "xy")
+    x, y = (unit * (at + np.append(0.0, np.cumsum(numbers.uniform(0.05, 1.0, 6)))) for at in (shift, -2.0 * shift))
     mesh = TriangleMesh.grid(x, y, active).with_joint("joint", lambda _, at: np.isclose(at, y[2]))
     contacts = [Contact(side, 0.3) for side in SIDES]
     known = discretize(ContactProblem(mesh, Material(1.0, 0.3), [*contacts, Contact.tied("joint")]))

@@ -207,11 +207,13 @@ class TestNorms:
         assert 0.0 < computed_norm(problem, {"plate": share}) < rectangle_norm(problem, {"plate": share})
 
     def test_where_nothing_is_proved_it_is_computed(self, monkeypatch):
-        """Of bodies that no proof is for, and of plates that a force drives, under friction or tied to the body."""
+        """Of bodies that no proof is for, and where a plate that a force drives, or springs, bear shear."""
         plate, load = compressed_plate(0.2), {"plate": RigidPlate(force_y=-10.0, x=0.0, rotation=0.0)}
         left, bottom, right, contact = plate.conditions
         driven, tied = (replace(each, **load) for each in (contact, Contact.tied("bottom")))
-        posed = [replace(plate, conditions=[left, right, *two]) for two in ((bottom, driven), (tied, contact))]
+        bed, foot = replace(contact, tangential_stiffness=1e7), replace(Contact.tied("bottom"), normal_stiffness=1e7)
+        pairs = (bottom, driven), (tied, contact), (bottom, bed), (foot, contact)
+        posed = [replace(plate, conditions=[left, right, *two]) for two in pairs]
         for problem, most in ((half_disc(0.3), 1.0), *((each, 0.75) for each in posed)):
             found = friction_norm(problem, shared(problem, 1.0))
             assert not found.proved
