@@ -219,12 +219,9 @@ STEEL = Material(1000.0, 0.25, "strain")
 def dam(pore_pressure=0.0, push=PUSH, friction=FRICTION, weight=WEIGHT):
     """A dam of given weight on a rough base, pushed from the left by a pressure; a fluid presses under it."""
     mesh = TriangleMesh.rectangle((6, 2), WIDTH, HEIGHT)
-    conditions = [
-        Traction("left", x=push / HEIGHT, y=0.0, name="water"),
-        Traction("right", 0.0, 0.0),
-        Traction("top", 0.0, 0.0),
-        Contact("bottom", friction, pore_pressure=pore_pressure, name="base"),
-    ]
+    conditions = [Traction("left", x=push / HEIGHT, y=0.0, name="water")]
+    conditions += [Traction(side, 0.0, 0.0) for side in ("right", "top")]
+    conditions.append(Contact("bottom", friction, pore_pressure=pore_pressure, name="base"))
     return ContactProblem(mesh, STEEL, conditions, body_potential=Expression(f"{weight / WIDTH / HEIGHT!r} * y"))
 
 

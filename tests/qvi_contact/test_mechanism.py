@@ -122,6 +122,12 @@ class TestLaws:
         assert (mechanism is None) == np.isinf(upper)
         assert not 1e-9 < upper < 1e9 or find_mechanism(dragged(Contact("bottom", **law), shear=1.000001 * upper))
 
+    def test_two_blocks_on_one_contact_share_its_cohesion(self):
+        mesh = LYING.with_joint("seam", lambda x, _: np.isclose(x, 2.0 / 3.0))
+        whole = dragged(Contact.tresca("bottom", 0.3), mesh=mesh)
+        parted = replace(whole, conditions=[*whole.conditions, Contact("seam", 0.0)])
+        assert upper_bound(parted, ["shear"])[0] == pytest.approx(0.3, rel=EXACT)
+
     def test_a_cap_under_an_eccentric_load(self):
         """N = 3 t at 2/3: p = t/μ on a length b and the rest in the corner, T = t b = √(2 N d μ t)."""
         for share in (0.9999, 1.0001, 2.0):

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import diags_array, eye_array, vstack
 
-from solvers import FrictionQVI, Stiffness, certify, solve_qvi
+from solvers import Certificate, FrictionQVI, Stiffness, certify, solve_qvi
 from solvers.certificate import EXPONENTS, law_residuals, scales_at, uniqueness, uniqueness_bound
 from solvers.factorisation import factorise
 from tests.cases import examples
@@ -59,6 +59,14 @@ def test_wrong_results_fail(what):
     assert certificate.limits["natural_map"] == pytest.approx(1e-5)
     known = ("stationarity", "sign", "complementarity_tangential", "energy_gap", "natural_map")
     assert what != "all signs of m_T" or min(certificate.measures[name] for name in known) > 1e-2
+
+
+@pytest.mark.parametrize("name", EXPONENTS)
+def test_the_accuracy_is_the_smallest_tolerance_that_passes(name):
+    found = Certificate({**dict.fromkeys(EXPONENTS, 0.0), name: 3e-4}, 1e-8)
+    assert found.worst == name
+    passed = [replace(found, tolerance=found.accuracy * share).passed for share in (1.0 - 1e-9, 1.0 + 1e-9)]
+    assert passed == [False, True]
 
 
 @pytest.mark.parametrize("missing", range(4))
