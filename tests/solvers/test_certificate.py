@@ -132,10 +132,13 @@ def test_a_wrong_multiplier_of_an_equation_counts_by_its_work_on_any_mesh():
 
 @pytest.mark.parametrize("size", [1e-14, 1e14])
 def test_a_missed_equation_counts_in_any_unit(size):
-    qvi, units = dragged_block(0.2), np.diag([1.0, size])
-    state = np.array([1.0, 0.2 + 1e-6]), np.zeros(1), np.zeros(1), np.zeros(2)
-    found = certify(changed(qvi, A=units @ qvi.A, b=units @ qvi.b), *state).measures["equality"]
-    assert found == pytest.approx(certify(qvi, *state).measures["equality"], rel=1e-9)
+    """Of the equation, and of an unknown."""
+    qvi, rows, columns = dragged_block(0.2), np.diag([1.0, size]), np.array([1.0, 10.0])
+    z, nothing = np.array([1.0, 0.2 + 1e-6]), (np.zeros(1), np.zeros(1), np.zeros(2))
+    scaled = {name: getattr(qvi, name).toarray() * columns for name in ("N", "T", "A")}
+    K, A = np.diag(columns) @ qvi.K.toarray() * columns, rows @ scaled.pop("A")
+    found = certify(changed(qvi, K=K, A=A, b=rows @ qvi.b, **scaled), z / columns, *nothing).measures["equality"]
+    assert found == pytest.approx(certify(qvi, z, *nothing).measures["equality"], rel=1e-9)
 
 
 def peaked(share):

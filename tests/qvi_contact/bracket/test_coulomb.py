@@ -205,6 +205,14 @@ class TestNorms:
         assert (slopes <= share.steepest() * (1.0 + 1e-12)).all()
         assert (share.steepest().max(axis=1) <= 1.4 * slopes.max(axis=1)).all()
         assert 0.0 < computed_norm(problem, {"plate": share}) < rectangle_norm(problem, {"plate": share})
+        linear = np.column_stack([ends[:-1], (ends[:-1] + ends[1:]) / 2.0, ends[1:]])
+        on_edges = replace(share, values=linear, weights=np.ones_like(linear))
+        H = 0.3 * np.sqrt((3.0 * np.diff(ends)) ** 2 @ np.array([1.0, 3.0, 5.0]) / 18.0)  # H² = ∫ θ'² x dx
+        largest = 0.3 * np.abs(ends).max()
+        expected = rectangle_constant(0.3, np.sin(np.pi / 8.0), largest, 2.0 / np.pi * largest, H)
+        assert rectangle_norm(problem, {"plate": on_edges}) == pytest.approx(expected, rel=1e-9)
+        jumping = replace(on_edges, values=linear + np.array([[0.0], [0.0], [1e-3]]))
+        assert rectangle_norm(problem, {"plate": jumping}) == np.inf
 
     def test_where_nothing_is_proved_it_is_computed(self, monkeypatch):
         """Of bodies that no proof is for, and where a plate that a force drives, or springs, bear shear."""
