@@ -145,9 +145,12 @@ class TestResultants:
         assert 4.0 < result.traction_misfit < 12.0
         assert f"up to {result.traction_misfit:.3g}" in result.remarks[-1]
         assert missed_tractions(result) < 1e-11
-        fitting = solve(block(TriangleMesh.grid([0.0, 0.2, FIRST, 0.5, LAST, 1.0], np.linspace(0.0, 1.0, 5))))
-        assert fitting.traction_misfit < 1e-9
-        assert fitting.remarks == ()
+        mesh = TriangleMesh.grid([0.0, 0.2, FIRST, 0.5, LAST, 1.0], np.linspace(0.0, 1.0, 5))
+        for unit in (1.0, 1e9):
+            scaled = block(mesh, lambda x, y, unit=unit: unit * strip(x, y))
+            fitting = solve(replace(scaled, material=Material(1e3 * unit, 0.3)))
+            assert fitting.traction_misfit < 1e-9 * unit
+            assert fitting.remarks == ()
         waves = solve(block(load=lambda x, y: -2.0 + 1e-7 * np.sin(1e4 * x) + 0.0 * y))  # all parts of edges are short
         assert 0.9e-7 < waves.traction_misfit < 1.5e-7
         assert any(f"by up to {waves.traction_misfit:.3g} [stress]" in reason for reason in waves.bracket.reasons)
