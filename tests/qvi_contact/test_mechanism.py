@@ -251,6 +251,8 @@ class TestJumpsInsideEdges:
     def test_what_is_carried_is_not_called_impossible(self):
         contact = Contact.tresca("bottom", lambda x, _: np.where(x < 0.37, 1.0, 0.0))
         assert find_mechanism(self.pushed(contact, 0.999, 0.365)) is None
+        stripes = Contact.tresca("bottom", lambda x, _: np.floor(2000.0 * x) % 2.0)  # finer than parts of an edge
+        assert find_mechanism(self.pushed(stripes, 0.3, 0.4999)) is None
         assert solve(self.pushed(contact, 0.37, 0.365), degree=5).status is Status.SOLVED
 
     @pytest.mark.parametrize(
