@@ -238,20 +238,11 @@ def test_constant_pressure_is_another_problem_without_it():
     p, mesh = 0.7, TriangleMesh.rectangle((6, 3), 2.0, 1.0)
     shrinks = p * float(STEEL.compliance[0, :2].sum())
     base = Contact("bottom", 0.1, gap=lambda x, _: 2e-3 * (x - 0.6) ** 2, name="base")
-    wet = ContactProblem(
-        mesh, STEEL,
-        [Displacement("top", x=2e-4, y=-1e-3), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0),
-         replace(base, pore_pressure=p)],
-    )  # fmt: skip
-    dry = replace(
-        wet,
-        conditions=[
-            Displacement("top", x=lambda x, _: 2e-4 + shrinks * x, y=-1e-3 + shrinks),
-            Traction("left", -p, 0.0),
-            Traction("right", p, 0.0),
-            replace(base, offset=lambda x, _: shrinks * x),
-        ],
-    )
+    free = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+    wet = ContactProblem(mesh, STEEL, [Displacement("top", 2e-4, -1e-3), *free, replace(base, pore_pressure=p)])
+    top = Displacement("top", lambda x, _: 2e-4 + shrinks * x, -1e-3 + shrinks)
+    base = replace(base, offset=lambda x, _: shrinks * x)
+    dry = replace(wet, conditions=[top, Traction("left", -p, 0.0), Traction("right", p, 0.0), base])
     found, other = (solved(problem, degree=4).contacts["base"] for problem in (wet, dry))
     assert set(other.state.tolist()) == {0, 1, 2}
     size = np.abs(other.normal_stress).max()

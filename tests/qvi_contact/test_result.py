@@ -157,12 +157,8 @@ COPIES = [lambda value: pickle.loads(pickle.dumps(value)), copy.deepcopy, copy.c
 def remembering():
     mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0).with_joint("joint", lambda _, y: np.isclose(y, 1.0))
     mesh = mesh.with_edges("upper", lambda x, y: (x == 0.0) & (y > 1.0))
-    conditions = [
-        Displacement("bottom", x=0.0, y=0.0),
-        Contact("joint", half),
-        Traction("top", x=Expression("0.1 * x * (1 - x)"), y=Polynomial([[-1.0]])),
-        *(Traction(side, x=0.0, y=0.0) for side in ("left", "right")),
-    ]
+    conditions = [Displacement("bottom", x=0.0, y=0.0), *(Traction(side, 0.0, 0.0) for side in ("left", "right"))]
+    conditions += [Contact("joint", half), Traction("top", Expression("0.1 * x * (1 - x)"), Polynomial([[-1.0]]))]
     problem = ContactProblem(mesh, Material(1e3, 0.3), conditions, regions=[Region(Material(2e3, 0.3), y=(1.0, 2.0))])
     found = solve(problem)
     _ = found.contacts, found.energies, found.solution.uniqueness, found.discretization.remarks  # what is remembered
