@@ -47,9 +47,10 @@ class TestTippingWall:
         """Nothing is claimed below the limit or on it, everything above."""
         for share in (1.0 - 1e-9, 1.0):
             assert find_mechanism(wall(WALLS[mesh], 6.25 * share)) is None
-        for share in (1.0 + 1e-6, 40.0):
-            found = find_mechanism(wall(WALLS[mesh], 6.25 * share))
+        for share, unit in ((1.0 + 1e-6, 1.0), (40.0, 1e-9)):
+            found = find_mechanism(multiplied(wall(WALLS[mesh], 6.25 * share), ["wind", "body"], unit))
             assert found.overload == pytest.approx(share, rel=EXACT)
+            assert abs(found.motions[0].rotation) == pytest.approx(1.0 / math.hypot(1.0, 4.0))  # the top moves by 1
             assert found.work == pytest.approx(sum(found.works.values()))
             assert found.work > found.resistance >= 0.0
 
