@@ -185,12 +185,9 @@ def test_edges_by_bends():
     again = flipped.checked("", mesh.topology)
     np.testing.assert_array_equal(again.edges, known.edges)
     np.testing.assert_array_equal(again.coefficients, known.coefficients)
-    for wrong in (
-        Curve(known.edges, known.coefficients[1:]),
-        Curve(known.edges[[0, 0]], known.coefficients[:2]),
-        Curve(known.edges, known.coefficients + 0.1),
-        Curve(known.edges, np.full((4, 2), np.nan)),
-    ):
+    few = (known.edges, known.coefficients[1:]), (known.edges[[0, 0]], known.coefficients[:2])
+    for edges, coefficients in (*few, *((known.edges, known.coefficients + change) for change in (0.1, np.nan))):
+        wrong = Curve(edges, coefficients)
         with pytest.raises(InputError):
             wrong.checked("", mesh.topology)
 

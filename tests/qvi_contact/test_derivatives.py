@@ -53,11 +53,8 @@ class TestLimitLoads:
     def test_bad_input(self):
         bilateral = Contact("bottom", 0.3, law="bilateral", name="ground")
         fixed = replace(dragged(), conditions=[bilateral, *dragged().conditions[1:]])
-        for problem, name, side in (
-            (dragged(), "ground.gap", None),
-            (dragged(), "load.drag", "up"),
-            (fixed, "load.drag", None),
-        ):
+        cases = (dragged(), "ground.gap", None), (dragged(), "load.drag", "up"), (fixed, "load.drag", None)
+        for problem, name, side in cases:
             with pytest.raises(InputError) as caught:
                 LimitFactor(["drag"]).derivative(problem, name, side)
             assert caught.value.field in ("parameter", "side", "problem")
@@ -96,13 +93,9 @@ def test_what_drags_a_sliding_block(law, friction, cohesion, weight):
 
 
 def test_what_has_no_derivative_is_refused():
-    sides = [
-        Contact("bottom", 0.0),
-        Traction("left", 0.0, 0.0),
-        Traction("right", 0.0, 0.0),
-        Contact("top", 0.0, gap=-1e-3, offset=1e-3),
-    ]
-    result = solve(ContactProblem(TriangleMesh.rectangle((2, 2)), Material(E, 0.0), sides))
+    free = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+    contacts = [Contact("bottom", 0.0), Contact("top", 0.0, gap=-1e-3, offset=1e-3)]
+    result = solve(ContactProblem(TriangleMesh.rectangle((2, 2)), Material(E, 0.0), [*free, *contacts]))
     for quantity, parameter, side in (
         ("top.normal_forces", "top.gap", None),
         ("energy", "top.gap", None),

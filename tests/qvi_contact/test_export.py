@@ -14,12 +14,7 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from qvi_contact.refinement import LimitFactor, refine
 from qvi_contact.solution import ContactResult
 from qvi_contact.units import Units
-from qvi_contact.verification import (
-    difference,
-    missed_tractions,
-    scales_difference,
-    worse_than_claimed,
-)
+from qvi_contact.verification import difference, missed_tractions, scales_difference, worse_than_claimed
 from solvers import Certificate, Status
 from solvers.certificate import EXPONENTS
 from tests.qvi_contact.test_plots import lifted

@@ -47,9 +47,10 @@ class TestTippingWall:
         """Nothing is claimed below the limit or on it, everything above."""
         for share in (1.0 - 1e-9, 1.0):
             assert find_mechanism(wall(WALLS[mesh], 6.25 * share)) is None
-        for share in (1.0 + 1e-6, 40.0):
-            found = find_mechanism(wall(WALLS[mesh], 6.25 * share))
+        for share, unit in ((1.0 + 1e-6, 1.0), (40.0, 1e-9)):
+            found = find_mechanism(multiplied(wall(WALLS[mesh], 6.25 * share), ["wind", "body"], unit))
             assert found.overload == pytest.approx(share, rel=EXACT)
+            assert abs(found.motions[0].rotation) == pytest.approx(1.0 / math.hypot(1.0, 4.0))  # the top moves by 1
             assert found.work == pytest.approx(sum(found.works.values()))
             assert found.work > found.resistance >= 0.0
 
@@ -120,6 +121,12 @@ class TestLaws:
         assert (mechanism is None) == np.isinf(upper)
         assert not 1e-9 < upper < 1e9 or find_mechanism(dragged(Contact("bottom", **law), shear=1.000001 * upper))
 
+    def test_two_blocks_on_one_contact_share_its_cohesion(self):
+        mesh = LYING.with_joint("seam", lambda x, _: np.isclose(x, 2.0 / 3.0))
+        whole = dragged(Contact.tresca("bottom", 0.3), mesh=mesh)
+        parted = replace(whole, conditions=[*whole.conditions, Contact("seam", 0.0)])
+        assert upper_bound(parted, ["shear"])[0] == pytest.approx(0.3, rel=EXACT)
+
     def test_a_cap_under_an_eccentric_load(self):
         """N = 3 t at 2/3: p = t/μ on a length b and the rest in the corner, T = t b = √(2 N d μ t)."""
         for share in (0.9999, 1.0001, 2.0):
@@ -162,6 +169,14 @@ class TestSupportsAndPlates:
         assert upper_bound(problem, ["side"]) == (np.inf, None)
         pulled = replace(problem, conditions=[*conditions[:-1], Traction("right", 1.0, 0.0, name="side")])
         assert upper_bound(pulled, ["side"]) == (np.inf, None)
+
+    @pytest.mark.parametrize("degrees", [0.0, 17.0, 70.0])
+    def test_rounding_of_far_coordinates_bends_no_line_of_symmetry(self, degrees):
+        """A bar pulled along such a line by p w slides where the cohesion c on its other side h gives way."""
+        mesh = oblique(TriangleMesh.rectangle((1, 4), 1.0, 4.0, origin=(1e5, -1e5)), degrees)
+        pulled = [Traction("top", normal=1.0, tangential=0.0), Traction("bottom", normal=0.0, tangential=0.0)]
+        problem = ContactProblem(mesh, STEEL, [Symmetry("left"), Contact.tresca("right", 0.5), *pulled])
+        assert upper_bound(problem, ["top"])[0] == pytest.approx(0.5 * 4.0 / 1.0, rel=EXACT)
 
     @pytest.mark.parametrize("given", [0.5, 20.0])
     def test_a_ram_pushes(self, given):
@@ -235,6 +250,8 @@ class TestJumpsInsideEdges:
     def test_what_is_carried_is_not_called_impossible(self):
         contact = Contact.tresca("bottom", lambda x, _: np.where(x < 0.37, 1.0, 0.0))
         assert find_mechanism(self.pushed(contact, 0.999, 0.365)) is None
+        stripes = Contact.tresca("bottom", lambda x, _: np.floor(2000.0 * x) % 2.0)  # finer than parts of an edge
+        assert find_mechanism(self.pushed(stripes, 0.3, 0.4999)) is None
         assert solve(self.pushed(contact, 0.37, 0.365), degree=5).status is Status.SOLVED
 
     @pytest.mark.parametrize(

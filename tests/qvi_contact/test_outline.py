@@ -26,12 +26,8 @@ needs_gmsh = pytest.mark.skipif(gmsh is None, reason=f"gmsh cannot be loaded: {M
 
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-ARCH = [
-    Corner((0.0, 0.0), "base"),
-    Corner((2.0, 0.0), "side", size=0.05),
-    Corner((2.0, 1.0), "arch", centre=(1.0, 1.0)),
-    Corner((0.0, 1.0), "side"),
-]
+ARCH = [Corner((0.0, 0.0), "base"), Corner((2.0, 0.0), "side", size=0.05)]
+ARCH += [Corner((2.0, 1.0), "arch", centre=(1.0, 1.0)), Corner((0.0, 1.0), "side")]
 INSIDE = {
     "holes": [Corner.circle((1.0, 1.0), 0.4, "bore", size=0.1)],
     "joints": {"seam": [(0.0, 0.4), (2.0, 0.4)]},

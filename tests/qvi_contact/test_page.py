@@ -271,12 +271,8 @@ UNITS = Units(length="mm", stress="MPa")
 def squeezed():
     """A symmetric block on rough ground: T, the forces along x and the moments are rounding; another ground is far."""
     mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
-    conditions = [
-        Contact("bottom", friction=0.0, name="ground"),
-        Contact("right", friction=0.5, gap=1.0, name="wall"),
-        Traction("left", x=0.0, y=0.0),
-        Displacement("top", x=0.0, y=-1e-3),
-    ]
+    conditions = [Contact("bottom", 0.0, name="ground"), Contact("right", 0.5, gap=1.0, name="wall")]
+    conditions += [Traction("left", x=0.0, y=0.0), Displacement("top", x=0.0, y=-1e-3)]
     return solve(ContactProblem(mesh, Material(2.1e5, 0.3), conditions))
 
 

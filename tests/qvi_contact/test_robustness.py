@@ -135,8 +135,8 @@ class TestReach:
     """Obstacles that the body does not get to, and one that it does."""
 
     def pressed(self, gap):
-        """Pressed down on the bottom, with an obstacle at the right that stands `gap` away."""
-        right = Contact("right", 0.4, gap=gap)
+        """Pressed down on the bottom, with a fluid and an obstacle at the right that stands `gap` away."""
+        right = Contact("right", 0.4, gap=gap, pore_pressure=0.5)
         return rectangle(Contact("bottom", 0.2), Traction("top", 0.0, -10.0), Symmetry("left"), right, cells=(4, 4))
 
     def test_an_obstacle_out_of_reach_changes_the_gap_alone_and_is_stored_and_verified(self, tmp_path):
@@ -145,6 +145,7 @@ class TestReach:
         assert far.gauss_stress()[2] == pytest.approx(near.gauss_stress()[2], abs=accuracy)
         assert far.contacts["right"].gap - near.contacts["right"].gap == pytest.approx(1e9 - 1.0, rel=1e-12)
         assert (far.contacts["right"].state == 0).all()
+        assert far.energies.complementary == pytest.approx(near.energies.complementary, rel=1e-6)
         assert far.bracket.relative_error == pytest.approx(near.bracket.relative_error, rel=1e-5)  # of all energies
         write_npz(tmp_path / "far.npz", far)
         again = load_result(tmp_path / "far.npz")

@@ -102,12 +102,8 @@ def tilted(slope, cells=4):
 
 def squeezed(mesh, friction, side=0.0, pressure=10.0, **more):
     """Pressed from above and from both sides, the joint at the given friction."""
-    conditions = [
-        Symmetry("bottom"),
-        Traction("top", x=0.0, y=-pressure, name="pressure"),
-        Traction("left", x=side, y=0.0),
-        Traction("right", x=-side, y=0.0),
-    ]
+    conditions = [Traction("left", x=side, y=0.0), Traction("right", x=-side, y=0.0)]
+    conditions += [Symmetry("bottom"), Traction("top", x=0.0, y=-pressure, name="pressure")]
     if friction is not None:
         conditions.append(Contact("joint", friction))
     return ContactProblem(mesh, STEEL, conditions, **more)

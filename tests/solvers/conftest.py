@@ -124,12 +124,9 @@ def mixed_problem(seed, equalities=2, friction=0.2):
     mu[[0, 5]] = 0.0
     cap = np.full(10, np.inf)
     cap[[1, 6, 7]] = 0.3, 0.2, 0.0
-    return qvi.with_law(
-        mu=mu,
-        cohesion=np.where(np.arange(10) % 3 == 0, 0.0, random.uniform(0.0, 0.5, 10)),
-        cap=cap,
-        bilateral=np.arange(10) >= 6,
-    )
+    points, cohesion = np.arange(10), random.uniform(0.0, 0.5, 10)
+    cohesion[points % 3 == 0] = 0.0
+    return qvi.with_law(mu=mu, cohesion=cohesion, cap=cap, bilateral=points >= 6)
 
 
 EDGES = 5

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import diags_array, eye_array, vstack
 
-from solvers import FrictionQVI, Stiffness, certify, solve_qvi
+from solvers import Certificate, FrictionQVI, Stiffness, certify, solve_qvi
 from solvers.certificate import EXPONENTS, law_residuals, scales_at, uniqueness, uniqueness_bound
 from solvers.factorisation import factorise
 from tests.cases import examples
@@ -59,6 +59,14 @@ def test_wrong_results_fail(what):
     assert certificate.limits["natural_map"] == pytest.approx(1e-5)
     known = ("stationarity", "sign", "complementarity_tangential", "energy_gap", "natural_map")
     assert what != "all signs of m_T" or min(certificate.measures[name] for name in known) > 1e-2
+
+
+@pytest.mark.parametrize("name", EXPONENTS)
+def test_the_accuracy_is_the_smallest_tolerance_that_passes(name):
+    found = Certificate({**dict.fromkeys(EXPONENTS, 0.0), name: 3e-4}, 1e-8)
+    assert found.worst == name
+    passed = [replace(found, tolerance=found.accuracy * share).passed for share in (1.0 - 1e-9, 1.0 + 1e-9)]
+    assert passed == [False, True]
 
 
 @pytest.mark.parametrize("missing", range(4))
@@ -124,10 +132,13 @@ def test_a_wrong_multiplier_of_an_equation_counts_by_its_work_on_any_mesh():
 
 @pytest.mark.parametrize("size", [1e-14, 1e14])
 def test_a_missed_equation_counts_in_any_unit(size):
-    qvi, units = dragged_block(0.2), np.diag([1.0, size])
-    state = np.array([1.0, 0.2 + 1e-6]), np.zeros(1), np.zeros(1), np.zeros(2)
-    found = certify(changed(qvi, A=units @ qvi.A, b=units @ qvi.b), *state).measures["equality"]
-    assert found == pytest.approx(certify(qvi, *state).measures["equality"], rel=1e-9)
+    """Of the equation, and of an unknown."""
+    qvi, rows, columns = dragged_block(0.2), np.diag([1.0, size]), np.array([1.0, 10.0])
+    z, nothing = np.array([1.0, 0.2 + 1e-6]), (np.zeros(1), np.zeros(1), np.zeros(2))
+    scaled = {name: getattr(qvi, name).toarray() * columns for name in ("N", "T", "A")}
+    K, A = np.diag(columns) @ qvi.K.toarray() * columns, rows @ scaled.pop("A")
+    found = certify(changed(qvi, K=K, A=A, b=rows @ qvi.b, **scaled), z / columns, *nothing).measures["equality"]
+    assert found == pytest.approx(certify(qvi, z, *nothing).measures["equality"], rel=1e-9)
 
 
 def peaked(share):

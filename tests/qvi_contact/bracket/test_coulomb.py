@@ -205,13 +205,23 @@ class TestNorms:
         assert (slopes <= share.steepest() * (1.0 + 1e-12)).all()
         assert (share.steepest().max(axis=1) <= 1.4 * slopes.max(axis=1)).all()
         assert 0.0 < computed_norm(problem, {"plate": share}) < rectangle_norm(problem, {"plate": share})
+        linear = np.column_stack([ends[:-1], (ends[:-1] + ends[1:]) / 2.0, ends[1:]])
+        on_edges = replace(share, values=linear, weights=np.ones_like(linear))
+        H = 0.3 * np.sqrt((3.0 * np.diff(ends)) ** 2 @ np.array([1.0, 3.0, 5.0]) / 18.0)  # H² = ∫ θ'² x dx
+        largest = 0.3 * np.abs(ends).max()
+        expected = rectangle_constant(0.3, np.sin(np.pi / 8.0), largest, 2.0 / np.pi * largest, H)
+        assert rectangle_norm(problem, {"plate": on_edges}) == pytest.approx(expected, rel=1e-9)
+        jumping = replace(on_edges, values=linear + np.array([[0.0], [0.0], [1e-3]]))
+        assert rectangle_norm(problem, {"plate": jumping}) == np.inf
 
     def test_where_nothing_is_proved_it_is_computed(self, monkeypatch):
-        """Of bodies that no proof is for, and of plates that a force drives, under friction or tied to the body."""
+        """Of bodies that no proof is for, and where a plate that a force drives, or springs, bear shear."""
         plate, load = compressed_plate(0.2), {"plate": RigidPlate(force_y=-10.0, x=0.0, rotation=0.0)}
         left, bottom, right, contact = plate.conditions
         driven, tied = (replace(each, **load) for each in (contact, Contact.tied("bottom")))
-        posed = [replace(plate, conditions=[left, right, *two]) for two in ((bottom, driven), (tied, contact))]
+        bed, foot = replace(contact, tangential_stiffness=1e7), replace(Contact.tied("bottom"), normal_stiffness=1e7)
+        pairs = (bottom, driven), (tied, contact), (bottom, bed), (foot, contact)
+        posed = [replace(plate, conditions=[left, right, *two]) for two in pairs]
         for problem, most in ((half_disc(0.3), 1.0), *((each, 0.75) for each in posed)):
             found = friction_norm(problem, shared(problem, 1.0))
             assert not found.proved
