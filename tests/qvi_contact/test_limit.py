@@ -70,6 +70,9 @@ def test_gap_material_and_offset_do_not_enter():
     problems = (dragged(contact, 10.0, 2.0, MESHES["graded"], material) for contact, material in given)
     first, second = (limit_load_factor(problem, ["shear"]) for problem in problems)
     assert first == pytest.approx(second, rel=1e-9)
+    smooth = dragged(Contact("bottom", 0.0, law="bilateral"), 10.0, 2.0, MESHES["uniform"])
+    heavy = ContactProblem(smooth.mesh, STEEL, smooth.conditions, lambda _, y: y)
+    assert limit_load_factor(heavy, ["shear"]) == pytest.approx(0.0, abs=1e-12)  # the limit itself is rounding
 
 
 @pytest.fixture
