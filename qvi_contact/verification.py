@@ -37,6 +37,7 @@ _FLOOR: Final = 1e-4
 _COORDINATE_ROUNDING: Final = 4.0 * float(np.finfo(np.float64).eps)  # relative to the coordinate
 _MAX_ROUNDING: Final = 1e-6  # largest scale "rounding" of a certificate
 _TRACTION_ROUNDING: Final = 1e-14  # relative to the terms whose sum a traction is
+_DATA: Final = ("mu", "cohesion", "cap", "bilateral", "W", "f", "n0", "t0", "b")  # vectors of a `FrictionQVI`
 
 
 def recomputed(result: ContactResult, discretization: Discretization, given_tolerance: float | None) -> ContactResult:
@@ -236,7 +237,12 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
             with suppress(KeyError):
                 names = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
                 claims = {**field_arrays(result), **names}
-        rows = tuple(_rows(result, remade, claims, tolerance))
+        data = [(getattr(result.solution.problem, name), getattr(fresh.qvi, name)) for name in _DATA]
+        same = _limit_check(
+            "problem", _largest(difference(*pair) for pair in data), AGREEMENT,
+            "Largest relative difference of the stored laws, loads and weights from those of the problem.",
+        )  # fmt: skip
+        rows = (same, *_rows(result, remade, claims, tolerance))
         return Verification(rows, result.status, remade.certificate.tolerance)
 
 

@@ -265,6 +265,9 @@ class Search:
         is_spent = limit is not None and first.iterations >= limit
         if is_spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
+        is_late = deadline.over
+        if is_late:
+            return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
         self.inner, last, subject = DEFAULT_INNER, first, ""
@@ -276,7 +279,7 @@ class Search:
             with deadline(seconds):
                 self.try_way(way, why=tried)
                 last, subject = self.solution(), way.subject
-            if last.solved:
+            if last.solved or deadline.over:
                 break
         better = last.certificate.accuracy < first.certificate.accuracy
         if last.solved or (last.status is Status.INACCURATE and better):

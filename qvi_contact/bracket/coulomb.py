@@ -379,6 +379,7 @@ class _Pairs:
         """
         contacts, senses = self.state.contacts, np.nan_to_num(self.state.contacts.slipping)
         slip = (self.state.c - contacts.obstacle)[contacts.count :]
+        slip = np.where(np.abs(slip) > _NOISE * np.abs(self.state.c).max(initial=0.0), slip, 0.0)  # else it is rounding
         for trace in contacts.traces:
             if bears_shear(trace.contact) and trace.name not in self.errors.shares:
                 along = trace.on_edges(slip[trace.here], slip[trace.here])[1]

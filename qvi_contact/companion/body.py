@@ -85,12 +85,6 @@ class Elasticity:
         slopes = self.space.inverse_jacobians(slice(None), t)
         return np.asarray(np.einsum("kqab,aqn->kqbn", slopes, along, optimize=True))
 
-    @property
-    def _count(self) -> int:
-        """Gauss points a direction: exact for ε:C:ε of polynomials; more for arcs, where it is no polynomial."""
-        most = self.space.degree if self.at_rest is None else max(self.space.degree, _INITIAL)
-        return most + 1 + (_ON_ARCS if self.space.mesh.curved.any() else 0)
-
     def strain(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""
         cell, local = self.space.cell, v[: self.space.size].reshape(-1, 2)[self.space.table[cells]]
@@ -120,8 +114,9 @@ class Elasticity:
         return -self.virtual_work(self.initial_stress(slice(None), t) * weights[..., None], t)
 
     def points(self) -> tuple[FloatArray, FloatArray]:
-        """Reference points t (q, 2) and weights (cells, q) that integrate ε:C:ε exactly."""
-        t, weights = self.space.cell.quadrature(self._count)
+        """Reference points t (q, 2) and weights (cells, q) that integrate ε:C:ε exactly where it is a polynomial."""
+        most = self.space.degree if self.at_rest is None else max(self.space.degree, _INITIAL)
+        t, weights = self.space.cell.quadrature(most + 1 + (_ON_ARCS if self.space.mesh.curved.any() else 0))
         return t, self.space.measures(t, weights)
 
     def energy(self, v: FloatArray) -> float:

@@ -82,21 +82,15 @@ class Scales:
                     centre = centre_of(problem.mesh.vertices, edges)
                     arm = max(abs(at - place) for at, place in zip(centre, plate.reference(*centre), strict=True))
                     sizes.append(abs(plate.moment_about(*centre)) / (line * max(line, arm)))
-        sizes.append(held_stress(problem))
+        if is_strained(problem):
+            x, y = np.moveaxis(problem.mesh.corners, -1, 0)
+            sizes.append(float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max()))
         if max(sizes) * compliance > _NONE:
             return cls(length, max(sizes), compliance)
         given = [(problem.mesh.edges(each.edges), "Contact.cohesion", each.cohesion) for each in problem.contacts]
         cohesion = max([_largest(problem, *each, 0.0) for each in given], default=0.0)
         least = cohesion if cohesion * compliance > _NONE else np.inf
         return cls(length, min(_AT_REST / compliance, least), compliance, loaded=False)
-
-
-def held_stress(problem: ContactProblem) -> float:
-    """The largest stress of initial strains that are held [stress]."""
-    if not is_strained(problem):
-        return 0.0
-    x, y = np.moveaxis(problem.mesh.corners, -1, 0)
-    return float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max())
 
 
 def _sampled(problem: ContactProblem, edges: Edges, name: str, value: Field) -> FloatArray:

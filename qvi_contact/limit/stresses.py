@@ -498,15 +498,16 @@ class StressProgram:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
         # violation of the answer, and the bound of its multipliers
         x, factor = answer.x, float(answer.x[-1])
-        size = max(float(np.abs(h).max()), abs(factor) * float(abs(G[:, [-1]]).max()), 1e-300)
+        unknowns[kept] = np.asarray(units @ x)
+        tractions = np.asarray(N @ unknowns[kept] + n)
+        least_size = CERTIFIED * float(np.abs(tractions / forces).max())  # if all limits are rounding beside these
+        size = max(float(np.abs(h).max()), abs(factor) * float(abs(G[:, [-1]]).max()), least_size, 1e-300)
         violation = max(float(np.maximum(G @ x - h, 0.0).max()), float(np.abs(E @ x - b).max(initial=0.0)))
         d, nu = np.maximum(-answer.inequalities, 0.0) / _COST, -answer.equations / _COST
         *rest, rate = (G.T @ d + E.T @ nu).tolist()
         rounding = float(np.abs(rest) @ np.abs(x[:-1]))
         bound = (float(h @ d + b @ nu) + rounding) / rate if rate > 0.0 else np.inf
-        unknowns[kept] = np.asarray(units @ x)
-        tractions, motion = np.asarray(N @ unknowns[kept] + n), np.asarray(H.T @ d)
-        return Carried(factor, violation / size, tractions, bound, motion, unknowns)
+        return Carried(factor, violation / size, tractions, bound, np.asarray(H.T @ d), unknowns)
 
     def program(self, signs: IntArray | None = None) -> ConicProgram:
         """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default without signs."""

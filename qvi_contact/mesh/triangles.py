@@ -53,6 +53,7 @@ _NAMES_IN_REPR: Final = 8  # of one kind
 _MAX_DEPTH: Final = 100  # steps of `graded`
 _VERTEX_TOLERANCE: Final = 1e-9  # distance from a vertex, relative to the body's larger extent, that counts as rounding
 _BORDER_TOLERANCE: Final = 1e-9  # a point with barycentric coordinates of at least −1e-9 is in the triangle
+_COORDINATE_ROUNDING: Final = 4.0 * float(np.finfo(np.float64).eps)  # of a point and a vertex, relative
 _POINTS_AT_A_TIME: Final = 512  # points located together, neighbours along x
 
 
@@ -458,10 +459,12 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         """All pairs (point (l,), triangle (l,)), by number and sorted, of points (k, 2) [length] and their triangles.
 
         A point on an edge or in a vertex has a pair with every triangle there. A triangle also has pairs with points
-        outside it whose `reference` coordinates are at least −`beyond`.
+        outside it whose `reference` coordinates are at least −`beyond`, or 0 but for the rounding of coordinates.
         """
-        low, high = self._boxes
-        margin = 2.0 * beyond * (high - low)  # points with coordinates of at least −`beyond` are no farther outside
+        (low, high), (a, b, c) = self._boxes, self.corners.swapaxes(0, 1)
+        least_height = np.abs(cross(b - a, c - a)) / self.chords[self.topology.of_cells].max(axis=1)
+        limit = np.maximum(beyond, _COORDINATE_ROUNDING * np.abs(self.vertices).max() / least_height)
+        margin = 2.0 * limit[:, None] * (high - low)  # points with coordinates of at least −`limit` are within it
         (left, below), (right, above) = (low - margin).T, (high + margin).T
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
         order = finite[points[finite, 0].argsort()]
@@ -472,7 +475,7 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
             box, position = between(y.searchsorted(below[candidates]), y.searchsorted(above[candidates], "right"))
             in_box = (left[candidates[box]] <= x[position]) & (right[candidates[box]] >= x[position])
             cell, point = candidates[box[in_box]], group[position[in_box]]
-            is_held = self.reference(cell, points[point]).min(axis=1) >= -beyond
+            is_held = self.reference(cell, points[point]).min(axis=1) >= -limit[cell]
             pairs.append(np.stack([point[is_held], cell[is_held]]))
         point, cell = np.concatenate(pairs, axis=1)
         order = np.lexsort((cell, point))

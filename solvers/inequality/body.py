@@ -116,9 +116,13 @@ class Stiffness(PicklesFields):
         The Schur complement keeps the unknowns of the contact if `wide`, or if that costs less than to eliminate them
         too (see `factorisation.choice`).
         """
-        condensed = self._results.condensed
+        results = self._results
+        condensed, factor = results.condensed, results.factor  # locals, as another thread may replace the attributes
         if condensed is None or condensed.contact is not contact or (wide and not condensed.is_condensed):
-            condensed = self._results.condensed = CondensedContact(contact, self._factor_for(contact, wide))
+            if factor is None or not factor.keeps(contact.touched if wide else contact.equated):
+                interface = contact.touched if wide or self.condensing_pays(contact) else contact.equated
+                factor = results.factor = factorise(self.K, interface, *(results.request or Request()), self.places)
+            condensed = results.condensed = CondensedContact(contact, factor)
         return condensed
 
     def condensing_pays(self, contact: ContactMatrices) -> bool:
@@ -147,14 +151,6 @@ class Stiffness(PicklesFields):
     def refactorisation(self, starts: IntVector, columns: IntVector) -> Refactorisation:
         """Refactorisation of unsymmetric matrices with this symmetric pattern, by the back end of the request."""
         return refactorisation(starts, columns, *(self._results.request or Request()), self.places)
-
-    def _factor_for(self, contact: ContactMatrices, wide: bool) -> Factorisation:
-        """The factorisation, made anew unless its interface holds the unknowns that it must."""
-        results, factor = self._results, self._results.factor  # a local, as another thread may replace the attribute
-        if factor is None or not factor.keeps(contact.touched if wide else contact.equated):
-            interface = contact.touched if wide or self.condensing_pays(contact) else contact.equated
-            factor = results.factor = factorise(self.K, interface, *(results.request or Request()), self.places)
-        return factor
 
 
 # Loads, energy and the bonded state.

@@ -64,6 +64,17 @@ def test_cohesion_on_a_circle_carries_a_torque():
         assert (limit.lower, limit.upper) == pytest.approx((0.0625, 0.0625), rel=1e-9)
 
 
+def test_gap_material_and_offset_do_not_enter():
+    here, there = Contact("bottom", 0.3), Contact("bottom", 0.3, gap=0.1, offset=-0.2)
+    given = (here, STEEL), (there, Material(1.0, 0.49, "strain"))
+    problems = (dragged(contact, 10.0, 2.0, MESHES["graded"], material) for contact, material in given)
+    first, second = (limit_load_factor(problem, ["shear"]) for problem in problems)
+    assert first == pytest.approx(second, rel=1e-9)
+    smooth = dragged(Contact("bottom", 0.0, law="bilateral"), 10.0, 2.0, MESHES["uniform"])
+    heavy = ContactProblem(smooth.mesh, STEEL, smooth.conditions, lambda _, y: y)
+    assert limit_load_factor(heavy, ["shear"]) == pytest.approx(0.0, abs=1e-12)  # the limit itself is rounding
+
+
 @pytest.fixture
 def linprog(monkeypatch):
     """HiGHS: its calls are kept, and parts of its answers are others where `change` says so."""

@@ -1,4 +1,4 @@
-"""Pictures of problems: runs of edges, arrows and symbols that turn with the body, names that cover none."""
+"""Pictures of problems: runs of edges, arrows and symbols that turn with the body, numbers that cover none."""
 
 from itertools import combinations
 
@@ -10,7 +10,7 @@ from matplotlib.quiver import Quiver
 
 from qvi_contact import Polynomial, TriangleMesh, load_problem, solve
 from qvi_contact.gallery import sliding_block
-from qvi_contact.plots import draw_problem, draw_symbols, problem_figure, result_figure, runs
+from qvi_contact.plots import draw_problem, draw_symbols, result_figure, runs
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
 from tests.golden.problems import EXAMPLES
@@ -175,30 +175,6 @@ def test_the_obstacle_follows_the_gap():
 def covered(axes):
     """Pairs of texts that overlap."""
     return [(a, b) for a, b in combinations((text.get_window_extent() for text in axes.texts), 2) if a.overlaps(b)]
-
-
-def test_names_beside_a_thin_body_stand_on_their_own_side():
-    mesh = TriangleMesh.rectangle((2, 40), 0.2, 20.0)
-    sides = [Traction(name, x=0.0, y=0.0) for name in ("left", "right", "top")]
-    figure = problem_figure(ContactProblem(mesh, Material(1e3, 0.3), [*sides, Contact("bottom", 0.3)]))
-    axes = figure.axes[0]
-    boxes = {text.get_text(): axes.transData.inverted().transform(text.get_window_extent()) for text in axes.texts}
-    assert boxes["left"][1, 0] < 0.0 < 0.2 < boxes["right"][0, 0]
-
-
-def test_names_do_not_cover_each_other():
-    """A thin wedge whose sides are all named, with a tip too narrow for two names; numbers of materials."""
-    corners = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 0.6), (0.0, 0.3)])
-    sides = {"lower side": [(0, 1)], "right side": [(1, 2)], "upper side": [(2, 3)], "left side": [(3, 0)]}
-    mesh = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), sides)
-    conditions = [Traction(name, x=0.0, y=0.0) for name in ("upper side", "left side", "right side")]
-    wedge = ContactProblem(mesh, Material(1e3, 0.3), [*conditions, Displacement("lower side", 0.0, 0.0)])
-    for problem, number in ((wedge, 4), (load_problem(EXAMPLES / "cylinder_on_block.toml").problem, 9)):
-        figure = problem_figure(problem)
-        figure.draw_without_rendering()
-        assert len(figure.axes[0].texts) == number
-        assert not covered(figure.axes[0])
-    assert {text.get_text(): text.xy[0] for text in figure.axes[0].texts}["contact"] > 0.9  # behind the short contact
 
 
 def test_numbers_of_forces_cover_neither_each_other_nor_pressures():

@@ -192,7 +192,10 @@ class TestWrong:
         other = plate.discretization.qvi.with_law(mu=1.001 * plate.discretization.qvi.mu)
         result = solve(replace(plate.discretization, qvi=other))
         assert result.certificate.passed
-        assert "friction" in failed(ContactResult(plate.discretization, result.solution))
+        assert {"problem", "friction"} <= failed(ContactResult(plate.discretization, result.solution))
+        stuck = solve(compressed_plate(0.9, (2, 2)))  # solves the problem with more friction too
+        other = stuck.solution.problem.with_law(mu=1.1 * stuck.solution.problem.mu)
+        assert failed(changed(stuck, problem=other)) == {"problem"}
 
     def test_contacts_and_plates_that_are_not_there(self, plate):
         line = plate.contacts["plate"]

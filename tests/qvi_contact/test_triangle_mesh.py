@@ -335,6 +335,16 @@ class TestEdges:
         assert mesh.reference(cell, points[point]) @ np.ones(3) == pytest.approx(1.0)
 
 
+def test_points_of_edges_are_found_although_coordinates_are_rounded():
+    """Of a small block in coordinates of a map."""
+    block = oblique(TriangleMesh.rectangle((3, 2), 0.2, 0.1), 17.0)
+    block = replace(block, vertices=block.vertices + np.array([5e5, 4.2e6]))
+    for edges, count in ((block.boundary, 1), (block.interior, 2)):
+        first, second = block.vertices[edges.first], block.vertices[edges.second]
+        points = np.concatenate([first + t * (second - first) for t in np.linspace(0.1, 0.9, 9)])
+        assert (np.bincount(block.around(points)[0], minlength=len(points)) == count).all()
+
+
 def test_regions_and_segments_are_told_apart_in_the_smallest_triangles():
     """Beside a border and a corner, however often their triangles are halved."""
     mesh = TriangleMesh.rectangle((2, 2)).graded([(0.5, 0.5), (0.0, 0.0)], 30)
