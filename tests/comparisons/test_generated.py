@@ -188,9 +188,11 @@ class TestLimits:
     """Both sides of limit loads, and their proofs."""
 
     def test_sides_and_proofs_are_in_order(self):
-        found = limits.solve_case({"number": 12})
-        assert found["proved_lower"] <= found["lower"] <= found["upper"] <= found["proved_upper"] * (1.0 + 1e-9)
-        assert found["proved_upper"] - found["proved_lower"] < 1e-3 * found["upper"] + found["upper"] - found["lower"]
+        for number in (12, 184):  # the latter bears no tension
+            found = limits.solve_case({"number": number})
+            assert found["proved_lower"] <= found["lower"] <= found["upper"] <= found["proved_upper"] * (1.0 + 1e-5)
+            width = found["proved_upper"] - found["proved_lower"]
+            assert width < 1e-3 * found["upper"] + found["upper"] - found["lower"]
 
     def test_beside_a_load_beyond_its_own_limit_no_multiple_is_carried(self):
         problem, load, _ = limits.stated(84)
@@ -203,9 +205,9 @@ class TestLimits:
 
         found = limit(1.0, 1.001 * limit(0.0, 1.0, "top").upper, load)
         assert (found.lower, found.upper) == (-np.inf, -np.inf)
-        for number, side in ((189, "upper"), (91, "upper"), (184, "lower")):  # directions, or faces, spoilt by rounding
+        for number in (189, 91):  # directions, or faces, spoilt by rounding
             problem, load, degree = limits.stated(number)
-            assert getattr(limit_load_factor(problem, [load], degree=degree), side) == -np.inf
+            assert limit_load_factor(problem, [load], degree=degree).upper == -np.inf
 
     def test_the_committed_rows(self):
         runs = committed("limits")
