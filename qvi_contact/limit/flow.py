@@ -14,7 +14,7 @@ In `docs/theory.md`: (D37), (D38).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -43,6 +43,7 @@ from qvi_contact.problem.material import Mises, Tresca
 from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
 
+_ROOMIER: Final = 4.0  # times the largest violation of a flow: room for a second one
 _MUCH: Final = 1e-4  # relative increase of dissipation by `repaired` above which flows on faces are tried
 
 
@@ -205,6 +206,32 @@ def slipping_supports(problem: ContactProblem) -> ContactProblem:
     return relaxed if len(relaxed.contacts) > len(problem.contacts) else problem
 
 
+def _much(program: ConicProgram, x: FloatArray) -> float:
+    """An increase of the dissipation of a flow that counts as large."""
+    return _MUCH * float(np.abs(program.q) @ np.abs(x))
+
+
+def _kept(
+    program: ConicProgram, start: FloatArray, raised: Callable[[FloatArray], FloatArray], share: float
+) -> tuple[FloatArray, float]:
+    """A flow near `start` that keeps its conditions, see `ConicProgram.repaired`, and its largest violation.
+
+    For a share, or if the inner flow costs much, it is one with room for what the first breaks, if that costs less.
+    """
+    x, violation = program.repaired(start, share)
+    x, most = raised(x), float(program.q @ start) + _much(program, start)
+    if share or program.q @ x > most:
+        with suppress(SolveError):  # the flow found so far stays
+            broken = -float(program.margins(start).min(initial=0.0)) * program.size(start)
+            answer = program.solve(room=_ROOMIER * broken)
+            if not isinstance(answer, str):
+                other, other_violation = program.repaired(raised(answer.x), share)
+                other = raised(other)
+                if other_violation <= HELD and program.q @ other <= max(float(program.q @ x), most):
+                    return other, other_violation
+    return x, violation
+
+
 class FlowProgram:
     """The program (D37) of a problem; stresses relative to S, lengths to that of the mesh."""
 
@@ -246,9 +273,8 @@ class FlowProgram:
 
         # corrected; then, if that costs much or a cone has a = 0, flows on faces of cones, if they are better
         start, first = raised(answer.x), answer
-        x, violation = program.repaired(start, share)
-        x = raised(x)
-        is_costly = float(full.q @ (x - start)) > _MUCH * float(np.abs(full.q) @ np.abs(start))
+        x, violation = _kept(full, start, raised, share)
+        is_costly = float(full.q @ (x - start)) > _much(full, start)
         is_outside = not share and -full.margins(start).min(initial=0.0) > ROUNDING
         narrower: ConicProgram | None = None
         if is_outside and (is_costly or not cones.limit.all()):

@@ -188,7 +188,7 @@ class TestLimits:
     """Both sides of limit loads, and their proofs."""
 
     def test_sides_and_proofs_are_in_order(self):
-        for number in (12, 184):  # the latter bears no tension
+        for number in (12, 153, 184):  # the last one bears no tension
             found = limits.solve_case({"number": number})
             assert found["proved_lower"] <= found["lower"] <= found["upper"] <= found["proved_upper"] * (1.0 + 1e-5)
             width = found["proved_upper"] - found["proved_lower"]
