@@ -539,8 +539,8 @@ class StressProgram:
     def _divided(self, S: sparse.csr_array, s: FloatArray) -> tuple[sparse.csr_array, FloatArray, IntArray]:
         """Coefficients of σ, below them those of σ' of (D41) beside free sides, and the first row (r,) of each cone.
 
-        Cones R ≤ −S have the coefficients of σ' there, all others those of σ. A straight side is free if its traction is
-        given as zero, without body force across it: then σ_nn/λ² and σ_nt/λ are polynomials.
+        Cones R ≤ −S have the coefficients of σ' there, all others those of σ. A straight side is free if its traction
+        is given as zero, without body force across it: then σ_nn/λ² and σ_nt/λ are polynomials.
         """
         cones, k, count = self.cones, self.cones.degree, self.cones.count
         # rows are ordered by cone, and then by part
