@@ -31,9 +31,9 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import quotient
 from qvi_contact.limit.conic import APART, HELD, LATE, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.conic import INFEASIBLE as NO_ANSWER
-from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
+from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, nodes_along, part_corners, sampled
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import SHEAR_LAW, Contact
+from qvi_contact.problem.conditions import SHEAR_LAW, Contact, Traction
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.progress import deadline
@@ -60,7 +60,8 @@ CERTIFIED: Final = 1e-7
 """Largest accepted violation of the rows, and largest gap of the bounds relative to 1 + factor."""
 
 _MOST: Final = 1e6  # upper bound of the factor in a second try, if the program without a bound was not solved
-_FREE: Final = 1e-10  # stress, relative to that in other directions and to loads, that is rounding where it should be 0
+_FREE: Final = 1e-10  # stress across a side, relative to that of the loads, that is rounding where it should be 0
+_WEAK: Final = 1e-4  # fixed loads relative to multiplied ones, or the reverse, that have their own rounding
 _LOST: Final = 1e-13  # stress by an unknown, relative to that of others in the same rows, that is rounding
 _TRIALS: Final = 40  # largest number of programs with different signs of bilateral pressure
 _COST: Final = 1e4  # cost of the factor, which makes absolute tolerances of multipliers smaller by this factor
@@ -538,22 +539,23 @@ class StressProgram:
     def _divided(self, S: sparse.csr_array, s: FloatArray) -> tuple[sparse.csr_array, FloatArray, IntArray]:
         """Coefficients of σ, below them those of σ' of (D41) beside free sides, and the first row (r,) of each cone.
 
-        Cones R ≤ −S have the coefficients of σ' there, all others those of σ. A side is free if loads leave it without
-        traction, and without body force across it: then σ_nn/λ² and σ_nt/λ are polynomials.
+        Cones R ≤ −S have the coefficients of σ' there, all others those of σ. A straight side is free if its traction
+        is given as zero, without body force across it: then σ_nn/λ² and σ_nt/λ are polynomials.
         """
         cones, k, count = self.cones, self.cones.degree, self.cones.count
         # rows are ordered by cone, and then by part
         part, first_rows, whole = cones.coefficient // count, 3 * cones.coefficient, cones.limit.reshape(-1, count)
         is_tip = (cones.pressure == 1.0) & (cones.mean == 0.0) & ~whole.any(axis=1).repeat(count)
-        parts = np.unique(part[is_tip])
+        sides = [nodes_along(self.low.problem, k, each.edges)[:, 0] for each in self.low.problem.prescribed(Traction)]
+        loaded, directions = np.unique(joined(sides).astype(int) // count, return_counts=True)
+        parts = np.intersect1d(part[is_tip & ~cones.mesh.curved[cones.cell]], loaded[directions == 2])
         if not len(parts):
             return S, s, first_rows
         # tensors t ⊗ t, n ⊗ t and n ⊗ n, symmetric, as (xx, yy, xy): parts of σ along them are divided by 1, λ and λ²
         a, b, _ = np.moveaxis(part_corners(cones.mesh.corners).reshape(-1, 3, 2)[parts], 1, 0)
         t = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
         n = np.column_stack([t[:, 1], -t[:, 0]])
-        dyads = [np.einsum("pi,pj->ijp", u, v) for u, v in ((t, t), (n, t), (n, n))]
-        tensors = [np.column_stack([uv[0, 0], uv[1, 1], (uv[0, 1] + uv[1, 0]) / 2.0]) for uv in dyads]
+        tensors = [np.column_stack([u * v, (u * v[:, ::-1]).sum(axis=1) / 2.0]) for u, v in ((t, t), (n, t), (n, n))]
         rows = [tensor * [1.0, 1.0, 2.0] for tensor in tensors]
 
         def on_parts(numbers: IntArray, blocks: FloatArray) -> sparse.csr_array:
@@ -561,14 +563,13 @@ class StressProgram:
             shape = len(numbers) * blocks.shape[1], len(s)
             return sparse.csr_array(sparse.bsr_array((blocks, numbers, np.arange(len(numbers) + 1)), shape=shape))
 
-        # a side is free where what has to be zero there is zero, for all unknowns and for the loads
+        # a side with given tractions is free where loads leave zero what has to be zero there
         alpha, unit = exponents(k), np.eye(count)
         zero = [np.einsum("ij,pc->pijc", unit[alpha[:, 2] < power], rows[power]) for power in (1, 2)]
         Z = on_parts(parts, np.concatenate(zero, axis=1).reshape(len(parts), -1, 3 * count))
         loads = np.column_stack([s, S[:, [-1]].toarray()])
-        left, sizes = (sparse.linalg.norm(matrix[:, :-1], axis=1) for matrix in (Z @ S, S))
-        is_free = left.reshape(len(parts), -1).max(axis=1) <= _FREE * sizes.reshape(-1, 3 * count)[parts].max(axis=1)
-        is_free &= np.abs(Z @ loads).reshape(len(parts), -1).max(axis=1) <= _FREE * np.abs(loads).max()
+        of_loads = np.maximum(np.abs(loads).max(axis=0), _WEAK * np.abs(loads).max())
+        is_free = (np.abs(Z @ loads).reshape(len(parts), -1, 2).max(axis=1) <= _FREE * of_loads).all(axis=1)
         free, blocks = parts[is_free], np.zeros((len(parts), count, 3, count, 3))
         Q = np.array([*quotient(dict(zip(map(tuple, alpha.tolist()), unit, strict=True)), 2).values()], dtype=float)
         for power, times in enumerate((1.0, 2.0, 1.0)):
