@@ -239,7 +239,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
                 claims = {**field_arrays(result), **names}
         data = [(getattr(result.solution.problem, name), getattr(fresh.qvi, name)) for name in _DATA]
         same = _limit_check(
-            "problem", _largest(difference(*pair) for pair in data), AGREEMENT,
+            "problem", _largest(difference(*pair, 1.0) for pair in data), AGREEMENT,  # shears may be mere rounding
             "Largest relative difference of the stored laws, loads and weights from those of the problem.",
         )  # fmt: skip
         rows = (same, *_rows(result, remade, claims, tolerance))

@@ -405,10 +405,9 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
 
 def initial_pressure(qvi: FrictionQVI, initial: object) -> Vector:
     """The option `initial`, a state of the problem or a pressure, as a pressure s (m,), checked."""
-    if isinstance(initial, Start):
-        return qvi.pressure(initial.z)
     remedy = f"give a finite pressure ≥ 0 of shape ({qvi.m},)"
-    s = real_array("initial", initial, remedy)
+    given = qvi.pressure(initial.z) if isinstance(initial, Start) and initial.fits(qvi) else initial
+    s = real_array("initial", given, remedy)
     if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:
         raise InputError("initial", initial, remedy)
     return s

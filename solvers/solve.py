@@ -197,10 +197,9 @@ class Search:
         self.start: Start | Vector | None = None  # the pressure `initial`, or the state if it fits
         if initial is not None and settings.takes_state:
             state = Start.of(initial) if isinstance(initial, QVISolution) else initial
-            if not isinstance(state, Start):
-                self.start = initial_pressure(qvi, state)
-            elif state.fits(qvi):
-                self.start = state
+            if not isinstance(state, Start) or state.fits(qvi):
+                pressure = initial_pressure(qvi, state)  # checked, as pivoting may be followed by the fixed point
+                self.start = state if isinstance(state, Start) else pressure
             if isinstance(state, Start) or not settings.by_default:  # a pressure is kept for a later fixed point
                 self._given["initial"] = self.start
 

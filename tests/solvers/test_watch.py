@@ -257,8 +257,9 @@ def test_a_start_does_not_change_the_method_and_states_of_other_problems_give_th
     assert solve_qvi(qvi, initial=Start(np.zeros(qvi.n + 1), np.zeros(2 * qvi.m))).iterations == plain.iterations
     assert solve_qvi(qvi, "fixed-point", initial=plain).iterations == 1 < solve_qvi(qvi, "fixed-point").iterations
     for settings in ({"method": "condensed"}, {"method": "uzawa"}, {"rule": "printed"}):
-        with refused_at("initial"):
-            solve_qvi(qvi, **settings, initial=np.ones(qvi.m))
+        for start in (np.ones(qvi.m), Start(np.full(qvi.n, np.nan), np.zeros(2 * qvi.m))):
+            with refused_at("initial"):
+                solve_qvi(qvi, **settings, initial=start)
 
 
 # Other ways to an answer: from that of a problem before, and by pivoting; other solutions.
