@@ -199,3 +199,11 @@ def test_texts_cover_neither_each_other_nor_pressures():
         assert (len(axes.texts), covered(axes)) == (count, [])
     paths = [patch.get_path().transformed(patch.get_transform()) for patch in axes.patches]
     assert not any(path.intersects_bbox(text.get_window_extent()) for path in paths for text in axes.texts)
+
+
+def test_names_beside_a_thin_body_stand_on_their_own_side():
+    mesh = TriangleMesh.rectangle((2, 40), 0.2, 20.0)
+    held = [Displacement(side, x=0.0, y=0.0) for side in mesh.edge_names]
+    axes = problem_figure(ContactProblem(mesh, Material(1e3, 0.3), held)).axes[0]
+    boxes = {text.get_text(): axes.transData.inverted().transform(text.get_window_extent()) for text in axes.texts}
+    assert boxes["left"][1, 0] < 0.0 < 0.2 < boxes["right"][0, 0]
