@@ -17,11 +17,11 @@ from qvi_contact.discretization.discretization import discretize
 from qvi_contact.errors import place_of
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.mechanism import Bodies, works
-from qvi_contact.problem.conditions import Condition, Contact, Displacement, Symmetry, Traction
+from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, PointData, Polynomial
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactState
-from qvi_contact.solution.result import PLATE_COLUMNS, RESULTANT, ContactResult, contact_numbers
+from qvi_contact.solution.result import PLATE_COLUMNS, RESULTANT, ContactResult, Resultant, contact_numbers, reactions
 from qvi_contact.units import Certainty, Rounding, Units, shown
 from solvers.errors import counted
 
@@ -68,19 +68,18 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         x, y, rotation, force_x, force_y, moment = cells(numbers[name], PLATE_COLUMNS, result.rounding)
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {rotation} rad"
         yield f"obstacle {name} pushes with ({force_x}, {force_y}) {force}, moment {moment} {units.moment}"
-    held = [each.edges for each in result.problem.conditions if isinstance(each, Displacement | Symmetry)]
-    place, resultants = resultants_on(result, held)
-    for name, resultant in resultants.items():
+    place, forces = about_middle(result.problem, reactions(result))
+    for name, resultant in forces.items():
         x, y, moment = cells(resultant, RESULTANT, result.rounding)
         yield f"support {name} acts with ({x}, {y}) {force}, moment {moment} {units.moment} about {place}"
 
 
-def resultants_on(result: ContactResult, edge_sets: Iterable[str]) -> tuple[str, dict[str, dict[str, float]]]:
-    """The middle of the body, and the forces on edge sets with their moments about it, by the keys of `RESULTANT`."""
-    low, high = (end(result.problem.mesh.vertices, axis=0).tolist() for end in (np.min, np.max))
+def about_middle(problem: ContactProblem, forces: Mapping[str, Resultant]) -> tuple[str, dict[str, dict[str, float]]]:
+    """The middle of the body, and the forces with their moments about it, by the keys of `RESULTANT`."""
+    low, high = (end(problem.mesh.vertices, axis=0).tolist() for end in (np.min, np.max))
     centre = middle(low[0], high[0]), middle(low[1], high[1])
-    forces = {name: vars(result.resultant(name)) for name in edge_sets}
-    return place_of(centre), {name: {**each, "moment": moment_about(centre, **each)} for name, each in forces.items()}
+    numbers = {name: vars(force) for name, force in forces.items()}
+    return place_of(centre), {name: {**each, "moment": moment_about(centre, **each)} for name, each in numbers.items()}
 
 
 Titled: TypeAlias = tuple[str, list[str], list[list[str]]]

@@ -415,8 +415,10 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
     for name, lines in shape.regions.items():
         area_in = [np.bincount(surface, areas * (2.0 * line.holds(middles) - 1.0)) for line in lines]
         is_inside = np.array(area_in) > 0.0  # of each line, each surface
-        if not is_inside.any(axis=1).all():
-            raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
+        empty = np.flatnonzero(~is_inside.any(axis=1))
+        if len(empty):
+            place = f"regions.{name}" + f"[{empty[0]}]" * (len(lines) > 1)
+            raise InputError(place, name, "no part of the body lies in this region: move it")
         regions[name] = np.flatnonzero(is_inside[:, surface].any(axis=0))
     return MeshParts(vertices, np.sort(cells, axis=1), edge_sets, regions, arcs)
 

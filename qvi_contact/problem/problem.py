@@ -298,6 +298,8 @@ def _owners_of(problem: ContactProblem, given: Sequence[tuple[int, Sequence[str]
         row, edge = np.argwhere(owners < 0)[0].tolist()
         of_edge = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
         remedy = "has no condition; add a traction (0 if it is free), a displacement, a symmetry or a contact"
+        if (owners[:, edge] < 0).all():
+            remedy += '; in a problem file, free = "rest" makes all such edges free'
         refuse([*of_edge, "an edge without a name"][0], row + 2 * int(is_local[edge]), edge, remedy)
     owners.flags.writeable = False  # problems share it
     return owners

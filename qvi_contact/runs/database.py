@@ -19,12 +19,7 @@ from typing import Final
 from qvi_contact.basics.writing import replacing, writable_folder
 from qvi_contact.errors import InputError
 
-SETTINGS: Final[tuple[str, ...]] = (
-    "trusted_schema = OFF",
-    "journal_mode = DELETE",
-    "synchronous = EXTRA",
-    "foreign_keys = ON",
-)
+SETTINGS: Final = ("trusted_schema = OFF", "journal_mode = DELETE", "synchronous = EXTRA", "foreign_keys = ON")
 _PATIENCE: Final = 30.0  # seconds that a writer waits for a reader
 
 _OPEN: Final = "cannot be opened or written: give another place, or the right to write there"

@@ -17,7 +17,7 @@ from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, 
 from qvi_contact.discretization.space import POTENTIAL, split_points
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of
-from qvi_contact.problem.conditions import DRIVES, RigidMotion
+from qvi_contact.problem.conditions import DRIVES, Displacement, RigidMotion
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line, enclosed_beyond
@@ -307,18 +307,16 @@ class ContactResult(WithFields, PicklesFields):
 
         On a joint it is the force on the lower or left block; if a joint encloses a block, on this block.
         """
-        mesh, scales = self.problem.mesh, self.discretization.scales
+        mesh = self.problem.mesh
         named = {contact.name: contact.edges for contact in self.problem.contacts}
         name = known_name("edges", edges, {"edge sets": mesh.edge_names, "joints": mesh.joint_names, "contacts": named})
         edges = name if name in mesh.edge_sets else named[name]
         chosen = mesh.edges(edges)
         points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS).for_resultants()
-        x, y = physical(self.problem, scales, points.coordinates)
-        forces = scales.length * points.weights * traction(self.discretization, self.dofs, points)
+        tractions = traction(self.discretization, self.dofs, points)
         if edges in mesh.joint_names:
-            forces *= np.repeat(np.where(enclosed_beyond(mesh.vertices, chosen), -1.0, 1.0), points.count)
-        force_x, force_y = forces
-        return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
+            tractions *= np.repeat(np.where(enclosed_beyond(mesh.vertices, chosen), -1.0, 1.0), points.count)
+        return _sum_of(self, points, tractions)
 
     @cached_property
     def energies(self) -> Energies:
@@ -384,6 +382,25 @@ def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
         numbers = motion.x, motion.y, motion.rotation, *astuple(result.plate_force(name))
         columns[name] |= dict(zip(PLATE_COLUMNS, numbers, strict=True))
     return columns
+
+
+def reactions(result: ContactResult) -> dict[str, Resultant]:
+    """Forces of supports on the body by edge set: of the components of σn that they hold, not of those given there."""
+    sums = dict[str, FloatArray]()
+    for held in result.problem.prescribed(Displacement):
+        points = EdgePoints(result.discretization.space, held.edges, LOAD_POINTS).for_resultants()
+        along, name = points.vectors(held.direction, held.turns).T, held.condition.edges
+        tractions = (along * traction(result.discretization, result.dofs, points)).sum(axis=0) * along
+        sums[name] = sums.get(name, 0.0) + np.array(astuple(_sum_of(result, points, tractions)))
+    return {name: Resultant(*each.tolist()) for name, each in sums.items()}
+
+
+def _sum_of(result: ContactResult, points: EdgePoints, tractions: FloatArray) -> Resultant:
+    """Force and moment of tractions (2, n q) [stress] at points of edges."""
+    scales = result.discretization.scales
+    x, y = physical(result.problem, scales, points.coordinates)
+    force_x, force_y = scales.length * points.weights * tractions
+    return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
 
 
 def forces_units(units: Units | None) -> dict[str, str]:

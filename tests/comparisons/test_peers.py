@@ -156,6 +156,11 @@ class TestFailures:
             room.run(self.CASE)
         assert str(tmp_path) not in str(caught.value)
 
+    def test_exceptions_are_told(self):
+        process = import_module("comparisons.peers.codes.process")
+        found = process.repeated(lambda _: {}["no"], {}, {}, {}, 1)
+        assert found == {"status": "error", "message": "KeyError: 'no'"}
+
     @posix
     def test_another_python_without_the_library_is_refused(self, tmp_path, environ):
         path = tmp_path / "python"

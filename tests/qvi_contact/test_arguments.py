@@ -11,18 +11,7 @@ import numpy as np
 import pytest
 
 import qvi_contact
-from qvi_contact import (
-    Corner,
-    Displacement,
-    Expression,
-    History,
-    InputError,
-    QVIError,
-    Settings,
-    TriangleMesh,
-    discretize,
-    graded_lines,
-)
+from qvi_contact import Corner, Expression, InputError, QVIError, Settings, TriangleMesh, discretize, graded_lines
 from qvi_contact.bracket import bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.element import hsieh_clough_tocher
@@ -31,9 +20,9 @@ from qvi_contact.files import load_problem, load_result, problem_from_toml, prob
 from qvi_contact.gallery import compressed_plate, jointed_slope, masonry_wall, stick_slip_block
 from qvi_contact.limit import limit_load_factor, limit_proof, strength_reduction_factor
 from qvi_contact.plots import history_figure, limit_figure, problem_figure, result_figure, save_figure
-from qvi_contact.problem import Contact, ContactProblem, Material, Polynomial, Region, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Region, Symmetry, Traction
 from qvi_contact.refinement import refine
-from qvi_contact.solution import loop_area, principal_stresses, read_sweep, solve, solve_history, solve_sweep
+from qvi_contact.solution import History, loop_area, principal_stresses, read_sweep, solve, solve_history, solve_sweep
 from qvi_contact.units import Units
 from solvers import solve_qvi
 

@@ -286,12 +286,8 @@ def lug(*rim, mesh=None, **options):
 
 
 PUSHED = Contact("rim", 0.3, gap=1e-3, plate=RigidPlate(force_x=1.0, force_y=0.4, moment=0.1))
-RIMS = {
-    "loaded": [Traction("rim", x=0.5, y=-0.2)],
-    "held": [Displacement("rim", x=1e-3, y=lambda x, _: 1e-3 * x)],
-    "pushed": [PUSHED],
-    "tied": [replace(PUSHED, friction=0.0, gap=0.0, law="tied")],
-}
+RIMS = {"loaded": [Traction("rim", x=0.5, y=-0.2)], "held": [Displacement("rim", x=1e-3, y=lambda x, _: 1e-3 * x)],
+        "pushed": [PUSHED], "tied": [replace(PUSHED, friction=0.0, gap=0.0, law="tied")]}  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=RIMS)

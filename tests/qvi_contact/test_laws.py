@@ -45,12 +45,9 @@ class TestSameInOtherWords:
 
     def test_no_friction(self, mesh, material):
         smooth = solved(punched(mesh, material, Contact.frictionless("bottom")))
-        others = [
-            Contact.tresca("bottom", 0.0),
-            Contact("bottom", 1.0, shear_limit=0.0),
-            Contact("bottom", lambda x, _: 0.0 * x, offset=3.0),
-            Contact("bottom", 0.0, cohesion=5.0, shear_limit=lambda x, _: 0.0 * x),
-        ]
+        others = [Contact.tresca("bottom", 0.0), Contact("bottom", 1.0, shear_limit=0.0),
+                  Contact("bottom", lambda x, _: 0.0 * x, offset=3.0),
+                  Contact("bottom", 0.0, cohesion=5.0, shear_limit=lambda x, _: 0.0 * x)]  # fmt: skip
         for other in others:
             assert difference(smooth, solved(punched(mesh, material, other))) < 1e-9
 

@@ -250,6 +250,8 @@ class TestFiles:
         assert result.contacts["base"].normal_force == pytest.approx(4.0, rel=1e-9)
         again = problem_from_toml(problem_to_toml(file.problem)).problem
         assert again.mesh.same_as(file.problem.mesh)
+        with refused_at("mesh.outline.regions[1]", "no part"):
+            problem_from_toml(FILE.replace("0.1 }]", "0.1 }, { name = 'core', centre = [9, 9], radius = 0.1 }]", 1))
 
     @pytest.mark.parametrize(
         ("old", "new", "field"),

@@ -324,10 +324,14 @@ def test_forces_and_moments_of_bodies_in_coordinates_of_a_map():
     rows = []
     for origin in ((0.0, 0.0), (5e5, 5.8e6)):
         mesh = TriangleMesh.rectangle((2, 2), 10.0, 10.0, origin=origin)
-        held = [Contact("bottom", friction=0.3), Displacement("right", x=0.0), Traction("right", y=0.0)]
+        held = [Contact("bottom", friction=0.3), Displacement("right", x=0.0), Traction("right", y=0.1)]
         loads = [Traction("top", x=0.3, y=-4.0), Traction("left", x=0.0, y=0.0)]
         result = solve(ContactProblem(mesh, Material(1e4, 0.2), [*held, *loads]))
         rows.append([float(cell.replace("−", "-")) for row in result_tables(result, UNITS)[1][2] for cell in row[1:]])
+        (found,) = (line for line in result_lines(result, UNITS) if line.startswith("support right "))
+        force, _, moment = rows[-1][3:6]  # with the given traction, 1.0 along y with the arm 5
+        numbers = [float(text) for text in re.findall(r"[-\d.]+(?=[,) ])", found)][:3]
+        assert numbers == pytest.approx([force, 0.0, moment - 5.0], rel=1e-3)
     assert rows[1] == pytest.approx(rows[0], rel=1e-3)
     assert rows[0][6:9] == [3.0, -40.0, -15.0]  # of the load on top: its arm is 5
     assert (middle(-0.3, 0.1 + 0.2), middle(5e5, 5e5 + 10.0)) == (0.0, 5e5 + 5.0)

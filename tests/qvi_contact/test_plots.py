@@ -12,7 +12,7 @@ from matplotlib.patches import Polygon
 from matplotlib.quiver import Quiver
 from scipy.integrate import trapezoid
 
-from qvi_contact import ContactState, History, InputError, LimitLoad, Tresca, TriangleMesh, principal_stresses, solve
+from qvi_contact import ContactState, History, InputError, LimitLoad, Region, Tresca, TriangleMesh, solve
 from qvi_contact.element import gauss_legendre
 from qvi_contact.export import write_collapse_vtu
 from qvi_contact.files import load_problem
@@ -32,17 +32,8 @@ from qvi_contact.plots import (
     save_figure,
     value_range,
 )
-from qvi_contact.problem import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    Region,
-    Symmetry,
-    Traction,
-    stress_along_z,
-)
-from qvi_contact.solution import ContactLine, sample_body, stress_component, von_mises
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction, stress_along_z
+from qvi_contact.solution import ContactLine, principal_stresses, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
 from tests.golden.problems import EXAMPLES

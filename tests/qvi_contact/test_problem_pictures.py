@@ -1,4 +1,4 @@
-"""Pictures of problems: runs of edges, arrows and symbols that turn with the body, numbers that cover none."""
+"""Pictures of problems: runs of edges, arrows and symbols that turn with the body, texts that cover none."""
 
 from itertools import combinations
 
@@ -10,7 +10,7 @@ from matplotlib.quiver import Quiver
 
 from qvi_contact import Polynomial, TriangleMesh, load_problem, solve
 from qvi_contact.gallery import sliding_block
-from qvi_contact.plots import draw_problem, draw_symbols, result_figure, runs
+from qvi_contact.plots import draw_problem, draw_symbols, problem_figure, result_figure, runs
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
 from tests.golden.problems import EXAMPLES
@@ -177,17 +177,33 @@ def covered(axes):
     return [(a, b) for a, b in combinations((text.get_window_extent() for text in axes.texts), 2) if a.overlaps(b)]
 
 
-def test_numbers_of_forces_cover_neither_each_other_nor_pressures():
-    """Of thin layers in one line, and of piers, where the tail of an arrow stands in the pressure of another joint."""
+def test_texts_cover_neither_each_other_nor_pressures():
+    """Numbers of thin layers in one line, and of piers, where an arrow's tail stands in the pressure of another joint.
+
+    Names of the sides of a thin wedge, with a tip too narrow for two names; numbers of materials.
+    """
     heights, load = {"low": 3.0, "high": 6.0}, Polynomial([[-5.0], [0.08]])
     joints = {name: ((0.0, y), (60.0, y)) for name, y in heights.items()}
     mesh = TriangleMesh.grid(np.linspace(0.0, 60.0, 9), [0.0, *heights.values(), 9.0], joints=joints)
     sides = [Traction(side, 0.0, value) for side, value in (("left", 0.0), ("right", 0.0), ("top", load))]
     layers = ContactProblem(mesh, Material(1e4, 0.3), [*sides, *(Contact(name, 0.5) for name in ("bottom", *heights))])
-    for problem, count in ((layers, 3), (load_problem(EXAMPLES / "dry_stone_wall.toml").problem, 4)):
-        figure = result_figure(solve(problem), panels=())
+    edges = {f"{side} side": [(k, (k + 1) % 4)] for k, side in enumerate(("lower", "right", "upper", "left"))}
+    mesh = TriangleMesh([(0.0, 0.0), (10.0, 0.0), (10.0, 0.6), (0.0, 0.3)], [[0, 1, 2], [0, 2, 3]], edges)
+    wedge = ContactProblem(mesh, Material(1e4, 0.3), [Displacement(name, 0.0, 0.0) for name in edges])
+    wall, cylinder = (load_problem(EXAMPLES / f"{n}.toml").problem for n in ("dry_stone_wall", "cylinder_on_block"))
+    figures = [(problem_figure(wedge), 4), (problem_figure(cylinder), 9)]
+    figures += [(result_figure(solve(each), panels=()), count) for each, count in ((layers, 3), (wall, 4))]
+    for figure, count in figures:
         figure.draw_without_rendering()
         axes = figure.axes[0]
         assert (len(axes.texts), covered(axes)) == (count, [])
     paths = [patch.get_path().transformed(patch.get_transform()) for patch in axes.patches]
     assert not any(path.intersects_bbox(text.get_window_extent()) for path in paths for text in axes.texts)
+
+
+def test_names_beside_a_thin_body_stand_on_their_own_side():
+    mesh = TriangleMesh.rectangle((2, 40), 0.2, 20.0)
+    held = [Displacement(side, x=0.0, y=0.0) for side in mesh.edge_names]
+    axes = problem_figure(ContactProblem(mesh, Material(1e3, 0.3), held)).axes[0]
+    boxes = {text.get_text(): axes.transData.inverted().transform(text.get_window_extent()) for text in axes.texts}
+    assert boxes["left"][1, 0] < 0.0 < 0.2 < boxes["right"][0, 0]

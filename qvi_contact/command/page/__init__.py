@@ -189,7 +189,8 @@ def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
 def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """The tables of a result: contacts, resultants on the edge sets of conditions, plates and pins."""
     least, numbers = result.rounding, contact_numbers(result)
-    place, forces = report.resultants_on(result, [each.edges for each in result.problem.conditions])
+    of_edges = {each.edges: result.resultant(each.edges) for each in result.problem.conditions}
+    place, forces = report.about_middle(result.problem, of_edges)
     about = report.with_units(("F_x", "F_y", f"moment about {place}"), RESULTANT, units)
     resultants = [_row(name, force, RESULTANT, least) for name, force in forces.items()]
     plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
