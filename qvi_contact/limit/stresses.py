@@ -551,12 +551,12 @@ class StressProgram:
         parts = np.intersect1d(part[is_tip & ~cones.mesh.curved[cones.cell]], loaded[directions == 2])
         if not len(parts):
             return S, s, first_rows
-        # tensors t ⊗ t, n ⊗ t and n ⊗ n, symmetric, as (xx, yy, xy): parts of σ along them are divided by 1, λ and λ²
+        # dyads t ⊗ t, n ⊗ t and n ⊗ n, symmetric, as (xx, yy, xy): parts of σ along them are divided by 1, λ and λ²
         a, b, _ = np.moveaxis(part_corners(cones.mesh.corners).reshape(-1, 3, 2)[parts], 1, 0)
         t = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
         n = np.column_stack([t[:, 1], -t[:, 0]])
-        tensors = [np.column_stack([u * v, (u * v[:, ::-1]).sum(axis=1) / 2.0]) for u, v in ((t, t), (n, t), (n, n))]
-        rows = [tensor * [1.0, 1.0, 2.0] for tensor in tensors]
+        dyads = [np.column_stack([u * v, (u * v[:, ::-1]).sum(axis=1) / 2.0]) for u, v in ((t, t), (n, t), (n, n))]
+        rows = [dyad * [1.0, 1.0, 2.0] for dyad in dyads]
 
         def on_parts(numbers: IntArray, blocks: FloatArray) -> sparse.csr_array:
             """Blocks (parts, r, 3 count) of numbered parts, as rows on all stress coefficients."""
@@ -573,8 +573,7 @@ class StressProgram:
         free, blocks = parts[is_free], np.zeros((len(parts), count, 3, count, 3))
         Q = np.array([*quotient(dict(zip(map(tuple, alpha.tolist()), unit, strict=True)), 2).values()], dtype=float)
         for power, times in enumerate((1.0, 2.0, 1.0)):
-            quotients = times * np.linalg.matrix_power(Q, power)
-            blocks += np.einsum("ij,pc,pd->picjd", quotients, tensors[power], rows[power])
+            blocks += np.einsum("ij,pc,pd->picjd", times * np.linalg.matrix_power(Q, power), dyads[power], rows[power])
         D = on_parts(free, blocks.reshape(len(parts), 3 * count, 3 * count)[is_free])
         is_divided = is_tip & np.isin(part, free)
         places = np.searchsorted(free, part[is_divided]) * count + cones.coefficient[is_divided] % count
