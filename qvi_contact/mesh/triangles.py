@@ -439,11 +439,14 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         return tuple(outer[line] for line in chains(self.topology.ends[outer]))
 
     @cached_property
-    def _boxes(self) -> tuple[FloatArray, FloatArray]:
-        """Lower left and upper right corners (m, 2) of boxes around the triangles, with their arcs [length]."""
+    def _boxes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Opposite corners (m, 2) of boxes around triangles with arcs [length]; rounding of `reference` (m,)."""
         arc_lengths = self.chords * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
         margin = arc_lengths[self.topology.of_cells].max(axis=1, keepdims=True) / 2.0  # largest distance from an end
-        return self.corners.min(axis=1) - margin, self.corners.max(axis=1) + margin
+        a, b, c = self.corners.swapaxes(0, 1)
+        least_heights = np.abs(cross(b - a, c - a)) / self.chords[self.topology.of_cells].max(axis=1)
+        rounding = _COORDINATE_ROUNDING * np.abs(self.vertices).max() / least_heights
+        return self.corners.min(axis=1) - margin, self.corners.max(axis=1) + margin, rounding
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that contains each of the points (k, 2) [length], on edges the lowest number; −1 outside."""
@@ -461,9 +464,8 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         A point on an edge or in a vertex has a pair with every triangle there. A triangle also has pairs with points
         outside it whose `reference` coordinates are at least −`beyond`, or 0 but for the rounding of coordinates.
         """
-        (low, high), (a, b, c) = self._boxes, self.corners.swapaxes(0, 1)
-        least_height = np.abs(cross(b - a, c - a)) / self.chords[self.topology.of_cells].max(axis=1)
-        limit = np.maximum(beyond, _COORDINATE_ROUNDING * np.abs(self.vertices).max() / least_height)
+        low, high, rounding = self._boxes
+        limit = np.maximum(beyond, rounding)
         margin = 2.0 * limit[:, None] * (high - low)  # points with coordinates of at least −`limit` are within it
         (left, below), (right, above) = (low - margin).T, (high + margin).T
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
