@@ -119,6 +119,10 @@ class HsiehCloughTocher:
         orthogonal, triangular = np.linalg.qr(stresses @ null)
         dual = dual - null @ np.linalg.solve(triangular, orthogonal.T @ (stresses @ dual))
         inner = np.linalg.solve(triangular.T, null.T).T
+        if self.interior:  # unique up to a rotation, which rounding would choose: fixed sums become lower triangular
+            sums = np.cos(np.outer(np.arange(self.interior) + 1.0, np.arange(len(basis)) + 1.0)) @ basis @ inner
+            rotation, upper = np.linalg.qr(sums.T)
+            inner = inner @ (rotation * np.sign(np.diag(upper)))
         functions = np.hstack([dual, inner])
         for _ in range(2):  # remove the rounding error, 1e-13, of the duality
             functions = functions - dual @ (functionals @ functions - np.eye(self.shared, self.dimension))

@@ -175,6 +175,10 @@ def test_energy_is_that_of_quadrature(cell):
     assert (np.abs(found - by_points) < 1e-8 * size).all()
 
 
+def test_interior_functions_are_the_same_on_every_processor():
+    assert np.abs(hsieh_clough_tocher(6).coefficients[:, :, -18:]).sum() == pytest.approx(11.075891449302, rel=1e-11)
+
+
 @every_degree
 def test_functions_are_c1_inside_a_triangle(cell):
     rng = np.random.default_rng(cell.degree)
