@@ -199,10 +199,11 @@ def in_other_units(seed, equalities=0):
 def test_forms_agree(make, equalities):
     qvi = make(5, equalities=equalities)
     full, condensed = (solve_qvi(qvi, inner="direct:clarabel", form=form) for form in ("full", "condensed"))
-    assert full.status is condensed.status is Status.SOLVED
+    near = 1e-4 if make is in_other_units else 1e-7  # rows whose units are 1e8 apart cost the inner solver digits
+    assert max(each.certificate.accuracy for each in (full, condensed)) < 0.1 * near
     assert (full.form, condensed.form) == ("full", "condensed")
-    assert condensed.z == pytest.approx(full.z, abs=1e-7)
-    assert condensed.equality_multiplier == pytest.approx(full.equality_multiplier, abs=1e-6)
+    assert condensed.z == pytest.approx(full.z, abs=near)
+    assert condensed.equality_multiplier == pytest.approx(full.equality_multiplier, abs=10.0 * near)
 
 
 @pytest.mark.parametrize("form", ["full", "condensed"])
