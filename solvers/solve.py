@@ -264,7 +264,7 @@ class Search:
         is_spent = limit is not None and first.iterations >= limit
         if is_spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
-        is_late = deadline.over
+        is_late = deadline.over  # by a name, as type checkers take a property for constant, also below
         if is_late:
             return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)

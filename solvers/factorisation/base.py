@@ -6,7 +6,7 @@ In `docs/theory.md`: (D3).
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import lru_cache
 from time import perf_counter
 from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeAlias
@@ -152,8 +152,7 @@ class Fronts(Factorisation):
 
     def _forward(self, right: Vector | Matrix) -> State:
         state = np.array(right, order="F")
-        # one thread for many fronts: several are slower on small ones, on a busy machine by orders of magnitude
-        with limited_blas(1) if len(self._fronts) > 1 else nullcontext():
+        with self._threads():
             for eliminated, staying, head, tail in self._fronts if state.size else ():
                 y = state[eliminated]
                 # for one right-hand side, BLAS of level 2 takes a third of the time of level 3
@@ -164,11 +163,15 @@ class Fronts(Factorisation):
 
     def _backward(self, state: State, values: Vector | Matrix) -> Vector | Matrix:
         state = self._with_values(state, values)
-        with limited_blas(1) if len(self._fronts) > 1 else nullcontext():
+        with self._threads():
             for eliminated, staying, head, tail in reversed(self._fronts) if state.size else ():
                 y = state[eliminated] - tail @ state[staying]
                 state[eliminated] = dtrsv(head, y, overwrite_x=1) if y.ndim == 1 else dtrsm(1.0, head, y)
         return state
+
+    def _threads(self) -> AbstractContextManager[None]:
+        """One thread for many fronts: several are slower on small ones, on a busy machine by orders of magnitude."""
+        return limited_blas(1) if len(self._fronts) > 1 else nullcontext()
 
 
 def eliminated(block: Matrix, coupling: Matrix, others: Matrix, backend: str) -> tuple[Matrix, Matrix, Matrix]:
