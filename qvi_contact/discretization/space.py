@@ -266,12 +266,8 @@ class StressSpace(PicklesFields):
 
         They are N_0, N_1, N_2 …, then Q_0, Q_1 … times −n·m. On straight edges each is one of the `resultants`.
         """
-        boundary, known = self.mesh.boundary, self._traces
-        if edges not in known and edges is not boundary and (edges.cells[:, 1] < 0).all():
-            # the whole boundary is computed once, for all conditions
-            known[edges] = self.traces(boundary).take(self.mesh.topology.outer.searchsorted(edges.number))
-        if edges in known:
-            return known[edges]
+        if edges in self._traces:
+            return self._traces[edges]
         columns, resultants, size = self.resultants(edges)
         (m, factor), h, count = frame(edges), self.lengths(edges)[:, None], self.degree - 1
         # N₀ and Q₀ from ∇Φ_b − ∇Φ_a = h (N₀ t + Q₀ m), −N₁/6 from the moment, see `supports`
@@ -283,29 +279,18 @@ class StressSpace(PicklesFields):
         if edges.curved:  # see `curved`
             values[edges.bent] = from_corners(edges.bend[edges.bent], self.degree - 2) @ resultants[edges.bent]
         values[:, count:] *= factor[:, None, None]
-        known[edges] = Functionals(columns, values, size)
-        return known[edges]
+        self._traces[edges] = Functionals(columns, values, size)
+        return self._traces[edges]
 
     @cached_property
     def _traces(self) -> WeakKeyDictionary[Edges, Functionals]:
         return WeakKeyDictionary()
 
     def resultants(self, edges: Edges) -> Functionals:
-        """∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_2 …, Q_1 …: 2p − 2 rows an edge, all that tractions fix."""
-        if (edges.cells[:, 1] >= 0).any():
-            return self._resultants(edges)
-        return self._on_boundary.take(self.mesh.topology.outer.searchsorted(edges.number))
+        """∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_2 …, Q_1 …: 2p − 2 rows an edge, all that tractions fix.
 
-    @cached_property
-    def _on_boundary(self) -> Functionals:
-        """The `resultants` of the whole boundary."""
-        return self._resultants(self.mesh.boundary)
-
-    def _resultants(self, edges: Edges) -> Functionals:
-        """`resultants`, made anew, with columns for the frames where there are any.
-
-        The other columns are six at the ends, N_2 … N_(p−2), Q_1 … Q_(p−2). Odd coefficients change their sign where
-        the tangent runs from the larger vertex number to the smaller.
+        Columns are six at the ends, N_2 … N_(p−2), Q_1 … Q_(p−2), and those of the frames where there are any. Odd
+        coefficients change their sign where the tangent runs from the larger vertex number to the smaller.
         """
         ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
         on_edge = edges.number[:, None] * self.element.on_edge + np.arange(self.element.on_edge)
