@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -220,36 +220,32 @@ class BodyStiffness(PicklesFields):
             factors[with_arcs, 3:] = (curved.functions[:, 3:, 3:] @ factors[with_arcs, 3:, None])[:, :, 0]
         return factors
 
-    @cached_property
-    def K(self) -> Any:  # noqa: N802  # letter of (D2)
-        """Bᵀ 𝒦 B (n, n), with 𝒦 the matrix of ∫ cσ:τ over u; symmetric up to rounding; dense if small, else sparse."""
-        space, roots, basis = self.supports.space, self.roots, self.supports.basis
-        rows, dofs, across = space.differences.expanded(roots), space.dofs, None
-        if space.differences.beyond is not None:
-            across = space.frames.cells_across
-            rows, dofs = np.delete(rows, across, axis=0), np.delete(dofs, across, axis=0)
-        K = basis.quadratic(rows.swapaxes(1, 2) @ rows, dofs)
-        if across is not None:  # triangles whose corners count from several frames
-            R = space.differences.all_rows(roots, across) @ basis.matrix
-            K = K + R.T @ R
-        if self.springs is not None:
-            R = self.springs.rows @ basis.matrix
-            K = K + (R.T @ R if sparse.issparse(K) else (R.T @ R).toarray())
-        read_only(K)  # also sorts the indices, before another thread can see K
-        return K
-
     def matrix(self, kept: Kept) -> Stiffness:
-        """K with its factorisation, made once and kept; it holds no reference to this object, the key."""
+        """K = Bᵀ 𝒦 B (n, n) with its factorisation, 𝒦 the matrix of ∫ cσ:τ over u; dense if small, else sparse.
+
+        K is symmetric up to rounding. It is made once and kept; it holds no reference to this object, the key.
+        """
 
         def made() -> Stiffness:
-            stiffness = Stiffness(self.K, self.places)
-            read_only(stiffness.K)  # by columns where K is dense
+            space, roots, basis = self.supports.space, self.roots, self.supports.basis
+            rows, dofs, across = space.differences.expanded(roots), space.dofs, None
+            if space.differences.beyond is not None:
+                across = space.frames.cells_across
+                rows, dofs = np.delete(rows, across, axis=0), np.delete(dofs, across, axis=0)
+            K = basis.quadratic(rows.swapaxes(1, 2) @ rows, dofs)
+            if across is not None:  # triangles whose corners count from several frames
+                R = space.differences.all_rows(roots, across) @ basis.matrix
+                K = K + R.T @ R
+            if self.springs is not None:
+                R = self.springs.rows @ basis.matrix
+                K = K + (R.T @ R if sparse.issparse(K) else (R.T @ R).toarray())
+            stiffness = Stiffness(K, self._places())
+            read_only(stiffness.K)  # also sorts the indices, before another thread can see K
             return stiffness
 
         return kept(Stiffness, self, made)
 
-    @cached_property
-    def places(self) -> FloatArray | None:
+    def _places(self) -> FloatArray | None:
         """Mean place (n, 2) of the vertices and edges that each unknown acts on, for ordering; None if n is small."""
         space, basis = self.supports.space, self.supports.basis
         if len(basis.kept) < _ORDERED:
