@@ -27,12 +27,11 @@ from qvi_contact.discretization.loads import (
     ContactRows,
     cell_stress,
     contact_rows,
-    displacements_at_points,
     joined,
     laws_vary,
     limits_of,
-    potential_at,
     traction_data,
+    works_of,
 )
 from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
 from qvi_contact.discretization.scaling import Scales
@@ -258,17 +257,7 @@ def _discretized(
     root = Root(stiffness, particular, body, 0.0 if springs is None else springs.constant)
     limited = [rows for rows in contacts if rows.law != "tied"]
     matrices = _contact_matrices(supports, rule, limited, plates, kept)
-    # works of obstacles and prescribed displacements; φ, which u does not hold, adds a constant
-    works, constant, has_body_force = np.zeros(space.size), 0.0, acts(problem.body_potential)
-    for rows in contacts:  # ∫_{Γ_μ} (g τ_N + w τ_T) ds
-        gap, offset = rows.obstacle
-        works += rows.work(gap - rows.beyond, offset)
-    for direction, points, values in displacements_at_points(problem, space):  # ∫_{Γ_u} U·τn ds
-        weights = points.weights * values / scales.displacement
-        works += points.traction_load(direction, weights)
-        if has_body_force:
-            normal_parts = weights * (direction * points.normals).sum(axis=1)
-            constant += float(normal_parts @ potential_at(problem, scales, points.coordinates))
+    works, constant = works_of(problem, space, scales, contacts)
     # f, and the tractions n₀, t₀ of u₀ and of φ + p_w in the rows
     load = supports.basis.reduced(works)
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
@@ -276,13 +265,8 @@ def _discretized(
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
         tractions = [rows.points.tractions(root.particular) for rows in limited]
         n0, t0 = (rule.at_rows(joined([both[half] for both in tractions])) for half in (0, 1))
-    if has_body_force or any(contact.has_fluid for contact in problem.contacts):
-        pressures = [np.empty(0)]
-        for rows in contacts:
-            pressure = potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure
-            constant += float(rows.points.weights * (rows.obstacle[0] - rows.beyond) @ pressure)
-            pressures += [pressure] * (rows.law != "tied")
-        n0 = n0 + rule.at_rows(np.concatenate(pressures))
+    if acts(problem.body_potential) or any(contact.has_fluid for contact in problem.contacts):
+        n0 = n0 + rule.at_rows(joined([rows.pressure(problem, scales) for rows in limited]))
     loads = Loads(f, n0, t0, plates.b, root, load)
     qvi = FrictionQVI(stiffness.matrix(kept), matrices, loads, law_of(contacts))
     return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works, constant), slip is not None)

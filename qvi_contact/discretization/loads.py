@@ -3,7 +3,7 @@
 In `docs/theory.md`: (D1).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, Final, NamedTuple
@@ -124,17 +124,6 @@ def traction_data(problem: ContactProblem, scales: Scales, given: Prescribed, po
     return adapted(traction, len(given.edges), points, rounding_along(mesh.vertices, given.edges))
 
 
-def displacements_at_points(
-    problem: ContactProblem, space: StressSpace
-) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
-    """Nonzero prescribed displacements: directions (m, 2), m Gauss points, values (m,) there [length]."""
-    for given in problem.prescribed(Displacement):
-        if acts(given.value):
-            points = EdgePoints(space, given.edges, max(LOAD_POINTS, space.degree - 1))
-            field = along_edges(problem.mesh, given.edges, given.name, given.value, points.count)
-            yield points.vectors(given.direction, given.turns), points, points.nearest(field)
-
-
 def cell_stress(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray | None:
     """φI − σ⁰ over S at the quadrature points of cells (cells, g, 3); None without body force and initial strain."""
     has_body_force, has_strain = acts(problem.body_potential), is_strained(problem)
@@ -217,6 +206,10 @@ class ContactRows:
             return np.full(len(self.gap), np.inf)
         return np.minimum(self.limits.cohesion + self.limits.friction * np.abs(effective), self.limits.cap)
 
+    def pressure(self, problem: ContactProblem, scales: Scales) -> FloatArray:
+        """φ + p_w (m,), the part of σ_N' that Φ does not hold, dimensionless."""
+        return potential_at(problem, scales, self.points.coordinates) + self.pore_pressure
+
     @property
     def row_weights(self) -> FloatArray:
         """Weights W of the rows, dimensionless, shape (m,)."""
@@ -227,11 +220,6 @@ class ContactRows:
         """Position and tangential offset of the obstacle (m,), with the plate's motion and the earlier slip."""
         slip = 0.0 if self.law == "tied" else self.slip  # a tied contact has not slipped
         return self.gap + self.motion[0], self.offset + self.motion[1] + slip
-
-    def work(self, across: FloatArray, along: FloatArray) -> FloatArray:
-        """∫ g τ_N + w τ_T ds for g = `across` and w = `along` (m,), as a vector over all degrees of freedom (N,)."""
-        points, weights = self.points, self.points.weights
-        return points.space.traction_load(weights * across, weights * along, points.edges, self.rule.points)
 
 
 def contact_rows(
@@ -275,6 +263,30 @@ def contact_rows(
         ))  # fmt: skip
         start = stop
     return tuple(contacts)
+
+
+def works_of(
+    problem: ContactProblem, space: StressSpace, scales: Scales, contacts: Sequence[ContactRows]
+) -> tuple[FloatArray, float]:
+    """`Discretization.works` of obstacles and prescribed displacements; φ, which is not in u, adds a constant."""
+    works, constant, has_body_force = np.zeros(space.size), 0.0, acts(problem.body_potential)
+    for rows in contacts:  # ∫_{Γ_μ} (g τ_N' + w τ_T) ds
+        points, weights, (gap, offset) = rows.points, rows.points.weights, rows.obstacle
+        across = weights * (gap - rows.beyond)
+        works += space.traction_load(across, weights * offset, points.edges, points.reference)
+        if has_body_force or rows.pore_pressure.any():
+            constant += float(across @ rows.pressure(problem, scales))
+    for given in problem.prescribed(Displacement):  # ∫_{Γ_u} U·τn ds
+        if acts(given.value):
+            points = EdgePoints(space, given.edges, max(LOAD_POINTS, space.degree - 1))
+            field = along_edges(problem.mesh, given.edges, given.name, given.value, points.count)
+            direction = points.vectors(given.direction, given.turns)
+            weights = points.weights * points.nearest(field) / scales.displacement
+            works += points.traction_load(direction, weights)
+            if has_body_force:
+                normal_parts = weights * (direction * points.normals).sum(axis=1)
+                constant += float(normal_parts @ potential_at(problem, scales, points.coordinates))
+    return works, constant
 
 
 def laws_vary(problem: ContactProblem) -> bool:
