@@ -35,7 +35,6 @@ In `docs/theory.md`: (D18), (D40).
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -267,8 +266,8 @@ class Contacts:
         problem: ContactProblem,
         space: DisplacementSpace,
         scales: Scales,
-        bounds: Mapping[str, FloatArray] | None = None,
-        slips: Mapping[str, FloatArray] = MappingProxyType({}),
+        bounds: Mapping[str, FloatArray] | None,
+        slips: Mapping[str, FloatArray],
     ) -> "Contacts":
         """The contacts in the order of the problem, with their own laws or given bounds [stress], and slip by edge."""
         traces, n, has_friction, edges_of = list[DisplacementContact](), 0, False, contact_edges(problem)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +47,11 @@ MOST: Final = 4000
 SINGULAR: Final = 1e-11
 """Eigenvalue of a stiffness matrix, relative to the largest, below which the motion is rigid."""
 _DEPENDENT = 1e-9  # relative singular value of rows that counts as zero
+FrictionLaw: TypeAlias = tuple[Mapping[str, FloatArray] | None, Mapping[str, FloatArray]]
+"""None for the contacts' own laws; or given bounds s ≥ 0 by contact that is not tied, Bernstein coefficients (edges, q)
+[stress] on edges in the order of the mesh: the energy then has ∫ s |v_T − w| itself. And directions of slip by contact
+(edges,): 1 or −1 where displacements may slip along the edge's tangent or against it, NaN where both, else 0."""
+_OWN: Final[FrictionLaw] = (None, MappingProxyType({}))
 _DIGITS = 12  # digits of coordinates over the body's length by which coefficients are sorted: more are rounding
 
 
@@ -310,7 +315,7 @@ def solve_companion(
     cell = checked(problem, degree, tolerance)
     with deadline(time_limit), Log(f"qvi_contact {__version__}: solve_companion", verbose) as log:
         log.begin({"cells": problem.mesh.cell_count, "degree": cell.degree, "tolerance": f"{tolerance:g}"})
-        (found,) = solve_companions(problem, [None], degree=degree, tolerance=tolerance)
+        (found,) = solve_companions(problem, cell, [_OWN], tolerance)
         timings = {} if found.solution is None else found.solution.timings
         log.end(str(found.status), found.message, timings, found.status is Status.SOLVED)
     return found
@@ -331,21 +336,10 @@ def checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Tr
 
 
 def solve_companions(
-    problem: ContactProblem,
-    laws: Sequence[Mapping[str, FloatArray] | None],
-    *,
-    degree: int | None = None,
-    tolerance: float = 1e-8,
-    slip_directions: Sequence[Mapping[str, FloatArray]] = (),
+    problem: ContactProblem, cell: Triangle, laws: Sequence[FrictionLaw], tolerance: float
 ) -> tuple[CompanionResult, ...]:
-    """Displacements under several friction laws with one factorisation: None for the contacts' own, or bounds s ≥ 0.
-
-    Bounds are Bernstein coefficients (edges, q) [stress] by contact that is not tied, along the tangents of edges in
-    the order of the mesh; the energy then has ∫ s |v_T − w| itself. `slip_directions` has an entry for each law: by
-    contact (edges,) 1 or −1 where displacements may slip along the tangent or against it, NaN where both, else 0.
-    """
-    slips = slip_directions or [MappingProxyType[str, FloatArray]({})] * len(laws)
-    body, held, contact_sets = _discretized(problem, checked(problem, degree, tolerance), laws, slips)
+    """Displacements under several friction laws with one factorisation, for arguments that `checked` has accepted."""
+    body, held, contact_sets = _discretized(problem, cell, laws)
     scales, results = Scales.of(problem), list[CompanionResult]()
     external_load, remarks = load_vector(problem, body, scales)
     with limited_blas(1):
@@ -376,13 +370,12 @@ def solve_companions(
 
 
 def _discretized(
-    problem: ContactProblem, cell: Triangle, laws: Sequence[Mapping[str, FloatArray] | None],
-    slips: Sequence[Mapping[str, FloatArray]],
-) -> tuple[Elasticity, PrescribedDisplacements, list[Contacts]]:  # fmt: skip
+    problem: ContactProblem, cell: Triangle, laws: Sequence[FrictionLaw] = (_OWN,)
+) -> tuple[Elasticity, PrescribedDisplacements, list[Contacts]]:
     """The problem on its elements: the body with springs and plates, its supports, its contacts under several laws."""
     scales = Scales.of(problem)
     space = DisplacementSpace.of(problem, cell, scales.length)
-    contacts = [Contacts.of(problem, space, scales, *each) for each in zip(laws, slips, strict=True)]
+    contacts = [Contacts.of(problem, space, scales, *law) for law in laws]
     at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
     moduli = np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)  # C = c⁻¹
     return Elasticity(space, moduli, at_rest, contacts[0].beside), supports(problem, space, scales), contacts
@@ -390,7 +383,7 @@ def _discretized(
 
 def prescribed_slip(problem: ContactProblem) -> dict[str, FloatArray]:
     """By contact (e,), the sign ±1 of v_T − w that supports prescribe at an end of the edge or both; else 0."""
-    body, held, (contacts,) = _discretized(problem, triangle(1), [None], [{}])
+    body, held, (contacts,) = _discretized(problem, triangle(1))
     B, start = held.beside(body.size - body.space.size)
     fixed = abs(contacts.rows @ B).sum(axis=1) <= PARALLEL
     slip = np.where(fixed, contacts.rows @ start - contacts.moved - contacts.obstacle, 0.0)[contacts.count :]
@@ -411,7 +404,7 @@ class BodyAtRest:
     @classmethod
     def of(cls, problem: ContactProblem, degree: int) -> BodyAtRest:
         """Displacements of a degree on the mesh; `FactorisationError` if K cannot be factorised."""
-        body_at_rest, supports_at_rest, (contacts,) = _discretized(problem, triangle(degree), [None], [{}])
+        body_at_rest, supports_at_rest, (contacts,) = _discretized(problem, triangle(degree))
         supports_at_rest = replace(supports_at_rest, particular=0.0 * supports_at_rest.particular)
         with limited_blas(1):
             body = CondensedBody.of(body_at_rest, np.zeros(body_at_rest.size), supports_at_rest, contacts.rows)

@@ -292,15 +292,14 @@ def edge_data(
 
     They interpolate the field, also at both ends of each edge. The error is that at `SAMPLES`.
     """
-    t = lobatto_points(degree)
-    values = evaluate(name, field, *mesh.points_along(edges, t)) / unit
+    if not callable(field):
+        return np.full((len(edges), degree + 1), field / unit), 0.0
+    values, sampled = (
+        evaluate(name, field, *mesh.points_along(edges, t)) / unit for t in (lobatto_points(degree), SAMPLES)
+    )
     coefficients = values @ bernstein_from_values(degree).T
     coefficients[:, [0, -1]] = values[:, [0, -1]]
-    if not callable(field):
-        return np.broadcast_to(values[:, :1], coefficients.shape).copy(), 0.0
-    t = SAMPLES
-    sampled = evaluate(name, field, *mesh.points_along(edges, t)) / unit
-    error = np.abs(coefficients @ bernstein_basis(degree, t).T - sampled)
+    error = np.abs(coefficients @ bernstein_basis(degree, SAMPLES).T - sampled)
     return coefficients, float(error.max(initial=0.0))
 
 

@@ -16,7 +16,7 @@ from qvi_contact.discretization.loads import joined
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
 from qvi_contact.mesh.edges import closes
-from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, RigidPlate, Symmetry, has_coulomb
+from qvi_contact.problem.conditions import DRIVES, Displacement, RigidPlate, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import stress_in_cells
@@ -286,10 +286,8 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     problem, mesh, solution = result.problem, result.problem.mesh, result.solution
 
     def by_supports() -> FloatArray:  # without friction on bilateral contacts, which M(v) accounts for
-        def smooth(each: Contact) -> Contact:
-            return replace(each, friction=0.0) if each.law == "bilateral" else each
-
-        return Rigid(with_contacts(problem, smooth)).free
+        smooth = with_contacts(problem, lambda c: replace(c, friction=0.0) if c.law == "bilateral" else c)
+        return Rigid(smooth).free
 
     # all motions that supports, plates, and contacts that cannot open or slip allow; they depend on these data only
     lines = [(each.law, mesh.numbers(each.edges).tobytes()) for each in problem.contacts]

@@ -26,7 +26,7 @@ from qvi_contact import __version__
 from qvi_contact.basics.checks import function_or_none, instance_of, names_among, one_of, real_array, true_or_false
 from qvi_contact.basics.schema import LARGEST, WithFields
 from qvi_contact.basics.writing import given_path
-from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.conditions import Contact
@@ -339,14 +339,13 @@ class SweepTask:
         for count, (number, value) in enumerate(planned):
             if count >= at_least and deadline.over:
                 return
-            began, problem = time.perf_counter(), self.changed(value)
-            if self._before is None or laws_vary(problem) != laws_vary(self._before.problem):  # another default rule
-                self._before = discretize(problem, degree=self.settings.degree, law_on=self.settings.law)
-            elif self.parameter == "friction":
-                self._before = self._before.with_law(problem)
+            began, problem, before = time.perf_counter(), self.changed(value), self._before
+            if before is None or laws_vary(problem) != laws_vary(before.problem):  # another default rule
+                stated: ContactProblem | Discretization = problem
             else:
-                self._before = self._before.with_data(problem)
-            result = solved(self._before, self.settings, self._state if self.warm else None)
+                stated = before.with_law(problem) if self.parameter == "friction" else before.with_data(problem)
+            result = solved(stated, self.settings, self._state if self.warm else None)
+            self._before = result.discretization
             if result.status is Status.SOLVED:
                 self._state = result
             yield number, value, result, time.perf_counter() - began
