@@ -240,7 +240,7 @@ def _divergence_constant(problem: ContactProblem, held: FloatArray) -> float:
     if not inf_sup > 0.0 or mesh.hole_edges.any():
         return np.inf
     # ψ_h minimises ‖∇ψ‖² + ‖1 − div ψ‖²/β² and is then scaled to the mean divergence 1
-    space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
+    space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE))
     n, numbers = len(space.cell.places), space.along(problem.mesh.boundary)
     is_free = np.ones((space.size // 2, 2), dtype=bool)
     np.logical_and.at(is_free, numbers, (np.abs(held - np.eye(2)).max(axis=1) <= PARALLEL)[:, None])

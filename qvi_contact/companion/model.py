@@ -374,7 +374,7 @@ def _discretized(
 ) -> tuple[Elasticity, PrescribedDisplacements, list[Contacts]]:
     """The problem on its elements: the body with springs and plates, its supports, its contacts under several laws."""
     scales = Scales.of(problem)
-    space = DisplacementSpace.of(problem, cell, scales.length)
+    space = DisplacementSpace.of(problem, cell)
     contacts = [Contacts.of(problem, space, scales, *law) for law in laws]
     at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
     moduli = np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)  # C = c⁻¹

@@ -137,7 +137,7 @@ class Discretization(WithFields, PicklesFields):
     @cached_property
     def _supported_corners(self) -> tuple[DisplacementSpace, PrescribedDisplacements]:
         """Displacements of degree 1, and what supports prescribe of them."""
-        space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
+        space = DisplacementSpace.of(self.problem, triangle(1))
         return space, supports(self.problem, space, self.scales, _MISFIT)
 
     def corners_that_jump(self, problem: ContactProblem, least: float) -> Iterator[tuple[str, str, float]]:

@@ -137,7 +137,7 @@ class DisplacementSpace:
     block: IntArray  # (cells,): number of each cell's block; joints separate blocks
 
     @classmethod
-    def of(cls, problem: ContactProblem, cell: Triangle, length: float) -> "DisplacementSpace":
+    def of(cls, problem: ContactProblem, cell: Triangle) -> "DisplacementSpace":
         """The space of a problem."""
         mesh, count, n = problem.mesh, len(problem.mesh.cells), len(cell.places)
         is_shared = np.ones(len(mesh.interior), dtype=bool)
@@ -147,7 +147,7 @@ class DisplacementSpace:
         near, far = (n * edges.cells[:, [side]] + cell.along(mesh, edges, side) for side in (0, 1))
         table = linked(near, far, n * count).reshape(count, n)
         block = linked(edges.cells[:, 0], edges.cells[:, 1], count)
-        return cls(mesh, cell, (mesh.corners - mesh.origin) / length, table, block)
+        return cls(mesh, cell, (mesh.corners - mesh.origin) / mesh.length, table, block)
 
     @property
     def degree(self) -> int:

@@ -84,7 +84,7 @@ class Shape:
     def of(cls, result: ContactResult) -> "Shape":
         """The displacement v of a stress state, as the module's docstring defines it."""
         problem, discretization, scales = result.problem, result.discretization, result.discretization.scales
-        space = DisplacementSpace.of(problem, triangle(_DEGREE), scales.length)
+        space = DisplacementSpace.of(problem, triangle(_DEGREE))
         body = Elasticity(space, np.tile(_ISOTROPIC, (len(space.table), 1, 1)))
         # strains c (σ − σ_rest) at the quadrature points, where c σ_rest = −ε⁰
         t, weights = body.points()

@@ -98,6 +98,8 @@ class ContactLine(WithFields):
     """The two ends x, y of each edge (edges, 2, 2), in the direction of the tangent [length]."""
     pore_pressure: FloatArray
     """Pressure p_w of a fluid in the contact (m,) [stress]; zeros where there is none."""
+    senses: FloatArray
+    """Signs ±1 (edges,) of σ_T in the tangential force, see `turning_senses`."""
     excess_between_points: float = 0.0
     """Largest (|σ_T| − bound)⁺ at 101 points of each edge [stress], with the bound from the pressure there. At Gauss
     points it is 0 up to the certificate's tolerance. With `law_on` "edges" it is 0 between them too, except on
@@ -108,8 +110,6 @@ class ContactLine(WithFields):
     """Sizes up to which numbers of the contact are rounding, and shown as 0."""
     frictionless: bool = False
     """Whether the contact has no friction: then its points are open or closed, and do not stick or slip."""
-    senses: FloatArray = field(default_factory=lambda: np.ones(1))
-    """Signs ±1 (edges,) of σ_T in the tangential force, see `turning_senses`; or one sign for all edges."""
 
     @property
     def effective_normal_stress(self) -> FloatArray:
@@ -146,8 +146,7 @@ class ContactLine(WithFields):
     @property
     def counted_shear(self) -> FloatArray:
         """± σ_T (m,) [stress], with the sign that it has in the tangential force."""
-        senses = np.broadcast_to(self.senses, len(self.ends))
-        return np.repeat(senses, self.points_per_edge) * self.tangential_stress
+        return np.repeat(self.senses, self.points_per_edge) * self.tangential_stress
 
     @property
     def forces(self) -> tuple[float, float]:

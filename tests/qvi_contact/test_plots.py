@@ -68,7 +68,7 @@ def contact(edges, states, vertical=False, bound=None):
         -pressure, -0.2 * pressure, 0 * along, 0 * along,
         np.concatenate([np.array(s) for s in states]),
         np.array([[(5.0, a), (5.0, b)] if vertical else [(a, 5.0), (b, 5.0)] for a, b in edges]),
-        0 * along,
+        0 * along, np.ones(len(edges)),
     )  # fmt: skip
 
 
