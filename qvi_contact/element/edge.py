@@ -40,7 +40,7 @@ _INTEGRAL_TOLERANCE: Final = 1e-14  # integral of the difference on one part, re
 _MAX_HALVINGS: Final = 48  # a part is as small then as the rounding of t
 _MAX_PARTS: Final = 512  # parts that are not accepted yet, per divided edge
 _IGNORED: Final = 1e-3  # fraction of each edge: the smallest parts, which `misfit` leaves out, have no more together
-_SLOPE_FACTOR: Final = 32.0  # a point moved by rounding changes a value by up to this × rounding × mean slope
+_SLOPE_FACTOR: Final = 32.0  # a point moved by rounding changes a value by up to this × (rounding × mean slope + noise)
 
 
 def legendre_basis(degree: int, t: FloatArray) -> FloatArray:
@@ -195,16 +195,19 @@ def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
     return EdgeQuadrature(count, np.arange(count), ones * t, ones * w, np.full((count, points), float(value)), 0.0)
 
 
-def adapted(function: Function, count: int, points: int = 8, rounding: FloatArray | None = None) -> EdgeQuadrature:
+def adapted(
+    function: Function, count: int, points: int = 8, rounding: FloatArray | None = None, noise: FloatArray | None = None
+) -> EdgeQuadrature:
     """Quadrature of a function on `count` edges with `points` Gauss points on each part.
 
-    A polynomial of degree below `points` needs one part per edge. `rounding` (n,), 0 by default: error of t on edges.
+    A polynomial of degree below `points` needs one part per edge. By edge (n,), 0 by default: `rounding` is the error
+    of t, `noise` the change of values where rounding moves points to the side of their edge.
     """
     if not count:
         return constant(0.0, 0, points)
     t, w = gauss_legendre(points)
     to_samples = legendre_basis(points - 1, SAMPLES) @ legendre_from_values(points - 1, points)
-    rounding = np.zeros(count) if rounding is None else rounding
+    rounding, noise = (np.zeros(count) if each is None else each for each in (rounding, noise))
     edge, start, length = np.arange(count), np.zeros(count), np.ones(count)
     accepted, size, n_divided, error = list[tuple[Any, ...]](), 0.0, count, 0.0
     for halvings in range(_MAX_HALVINGS + 1):
@@ -214,7 +217,7 @@ def adapted(function: Function, count: int, points: int = 8, rounding: FloatArra
         values, size = found[:, :points], size or float(np.abs(found).max())
         differences = np.abs(values @ to_samples[::step].T - found[:, points:])
         slopes = np.ptp(values, axis=1) / length  # a point moved by rounding changes a value in proportion to these
-        tolerances = _SAMPLE_TOLERANCE * size + _SLOPE_FACTOR * rounding[edge] * slopes
+        tolerances = _SAMPLE_TOLERANCE * size + _SLOPE_FACTOR * (rounding[edge] * slopes + noise[edge])
         errors = length * differences.mean(axis=1)
         is_open = (errors > _INTEGRAL_TOLERANCE * size) & (differences.max(axis=1) > tolerances)
         if halvings == 0:

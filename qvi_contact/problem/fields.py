@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from itertools import zip_longest
@@ -21,7 +22,7 @@ from qvi_contact.basics.writing import given_path
 from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
-from qvi_contact.mesh.edges import Edges, rounding_along
+from qvi_contact.mesh.edges import Edges, frames_along, rounding_along
 from qvi_contact.mesh.files import corners_of, reading
 from qvi_contact.mesh.grid import triangles_of
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -217,6 +218,10 @@ def _shown(part: ast.AST) -> str:
     return one_line(ast.unparse(part), _MAX_SHOWN)
 
 
+_PLACES: Final = np.array([0.25, 0.5, 0.75])  # points of an edge beside which a field is sampled
+_STEP: Final = 32.0  # their distance from the edge over the rounding of coordinates: that of less could be nothing
+
+
 def along_edges(
     mesh: TriangleMesh, edges: Edges, name: str, field: Field, points: int = 8, *, minimum: float | None = None
 ) -> EdgeQuadrature:
@@ -232,7 +237,13 @@ def along_edges(
     def values(edge: IntArray, t: FloatArray) -> FloatArray:
         return evaluate(name, field, *mesh.points_along(edges.take(edge), t), minimum=minimum)
 
-    return adapted(values, len(edges), points, rounding_along(mesh.vertices, edges))
+    rounding, noise = rounding_along(mesh.vertices, edges), np.zeros(len(edges))
+    (x, y), normals = mesh.points_along(edges, _PLACES), frames_along(edges, _PLACES)[0]
+    dx, dy = np.moveaxis(_STEP * (rounding * edges.length)[:, None, None] * normals, -1, 0)
+    with suppress(InputError):  # a field may have no values beside the edges
+        here, *beside = (evaluate(name, field, x + side * dx, y + side * dy) for side in (0.0, -1.0, 1.0))
+        noise = np.abs(np.stack(beside) - here).min(axis=0).max(axis=1) / _STEP  # on one side it may jump
+    return adapted(values, len(edges), points, rounding, noise)
 
 
 _EXTENSION: Final = 1.0  # triangles of point data are extended to points with barycentric coordinates of at least −1

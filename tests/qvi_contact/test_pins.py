@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from qvi_contact import InputError, refine, solve, solve_history, solve_sweep
+from qvi_contact import Contact, InputError, refine, solve, solve_history, solve_sweep
 from qvi_contact.bracket import bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.discretization import Scales, pins
@@ -17,7 +17,7 @@ from qvi_contact.gallery import arc, fan, press_fit_torque
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mesh import TriangleMesh, cross
 from qvi_contact.plots import history_figure, result_figure
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction, disc_gap
+from qvi_contact.problem import ContactProblem, Displacement, Material, RigidPlate, Traction, along_edges, disc_gap
 from qvi_contact.refinement import unit_of
 from qvi_contact.solution import turning_senses
 from qvi_contact.units import Units
@@ -53,6 +53,11 @@ def test_a_pin_that_is_moved_and_the_force_that_moves_it_so():
     assert difference(expected, result) < 1e-6
     assert result.contacts["hole"].gap == pytest.approx(expected.contacts["hole"].gap, abs=1e-6)
     assert result.remarks == ()
+    # far from the origin the gap, constant along the arcs of a round hole, is not divided into 1024 parts an edge
+    far = replace(ROUND, vertices=np.add(ROUND.vertices, (5e5, 5.5e6)))
+    gap = along_edges(far, far.edges("hole"), "gap", disc_gap((5e5, 5.5e6), 0.99))
+    assert len(gap.edge) == len(far.edges("hole"))
+    assert gap.values == pytest.approx(0.01, abs=1e-7)
     # both models enclose the work of the pin; that of displacements knows its motion, and its forces come to the same
     found = bracket(expected)
     assert found.lower <= found.upper < 1.03 * found.lower
