@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -271,7 +271,7 @@ def bracket(
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     default = min(result.discretization.space.degree, HIGHEST)  # one degree less would double the gap
-    cell = checked(result.problem, default if degree is None else degree, tolerance)
+    degree = checked(result.problem, default if degree is None else degree, tolerance).degree
     result, earlier = after_earlier_slip(with_numbers(result))
     rough = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
     kind = BracketKind.GIVEN_BOUND if rough else BracketKind.PROBLEM
@@ -279,14 +279,15 @@ def bracket(
     tractions = EdgeTractions.of(known, result.dofs)  # its friction bound is held fixed
     reasons = (*earlier, *([f"The friction bound on {rough} was taken from the computed pressure."] if rough else []))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
-        log.begin({"what": kind.value, "degree": cell.degree, "tolerance": f"{tolerance:g}"})
+        log.begin({"what": kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress, refusal = admissible_stress(known, tractions.bound, result, tolerance)
         shared: SharedStress | str = with_shares(result, tolerance) if rough else ""
         slips: list[Mapping[str, FloatArray]] = [{}]  # a second displacement is for Coulomb's law
         slips += [] if isinstance(shared, str) else [{name: each.slipping for name, each in shared.shares.items()}]
         bound = tractions.bound * known.scales.stress
         law = {rows.name: bound[rows.edges] for rows in known.contacts if rows.law != "tied"}
-        companions = solve_companions(known.problem, cell, [(law, each) for each in slips], tolerance)
+        settings: dict[str, Any] = {"degree": degree, "tolerance": tolerance}
+        companions = solve_companions(known.problem, [law] * len(slips), slip_directions=slips, **settings)
         found = _assemble(known, kind, tractions, reasons, stress, refusal, companions[0])
         bounds: CoulombBounds | str = shared if isinstance(shared, str) else ""
         if isinstance(shared, SharedStress):

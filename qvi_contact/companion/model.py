@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,11 +47,6 @@ MOST: Final = 4000
 SINGULAR: Final = 1e-11
 """Eigenvalue of a stiffness matrix, relative to the largest, below which the motion is rigid."""
 _DEPENDENT = 1e-9  # relative singular value of rows that counts as zero
-FrictionLaw: TypeAlias = tuple[Mapping[str, FloatArray] | None, Mapping[str, FloatArray]]
-"""None for the contacts' own laws; or given bounds s ≥ 0 by contact that is not tied, Bernstein coefficients (edges, q)
-[stress] on edges in the order of the mesh: the energy then has ∫ s |v_T − w| itself. And directions of slip by contact
-(edges,): 1 or −1 where displacements may slip along the edge's tangent or against it, NaN where both, else 0."""
-_OWN: Final[FrictionLaw] = (None, MappingProxyType({}))
 _DIGITS = 12  # digits of coordinates over the body's length by which coefficients are sorted: more are rounding
 
 
@@ -315,7 +310,7 @@ def solve_companion(
     cell = checked(problem, degree, tolerance)
     with deadline(time_limit), Log(f"qvi_contact {__version__}: solve_companion", verbose) as log:
         log.begin({"cells": problem.mesh.cell_count, "degree": cell.degree, "tolerance": f"{tolerance:g}"})
-        (found,) = solve_companions(problem, cell, [_OWN], tolerance)
+        (found,) = solve_companions(problem, [None], degree=degree, tolerance=tolerance)
         timings = {} if found.solution is None else found.solution.timings
         log.end(str(found.status), found.message, timings, found.status is Status.SOLVED)
     return found
@@ -336,10 +331,21 @@ def checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Tr
 
 
 def solve_companions(
-    problem: ContactProblem, cell: Triangle, laws: Sequence[FrictionLaw], tolerance: float
+    problem: ContactProblem,
+    laws: Sequence[Mapping[str, FloatArray] | None],
+    *,
+    degree: int | None = None,
+    tolerance: float = 1e-8,
+    slip_directions: Sequence[Mapping[str, FloatArray]] = (),
 ) -> tuple[CompanionResult, ...]:
-    """Displacements under several friction laws with one factorisation, for arguments that `checked` has accepted."""
-    body, held, contact_sets = _discretized(problem, cell, laws)
+    """Displacements under several friction laws with one factorisation: None for the contacts' own, or bounds s ≥ 0.
+
+    Bounds are Bernstein coefficients (edges, q) [stress] by contact that is not tied, along the tangents of edges in
+    the order of the mesh; the energy then has ∫ s |v_T − w| itself. `slip_directions` has an entry for each law: by
+    contact (edges,) 1 or −1 where displacements may slip along the tangent or against it, NaN where both, else 0.
+    """
+    pairs = zip(laws, slip_directions or [{}] * len(laws), strict=True)
+    body, held, contact_sets = _discretized(problem, checked(problem, degree, tolerance), pairs)
     scales, results = Scales.of(problem), list[CompanionResult]()
     external_load, remarks = load_vector(problem, body, scales)
     with limited_blas(1):
@@ -370,9 +376,10 @@ def solve_companions(
 
 
 def _discretized(
-    problem: ContactProblem, cell: Triangle, laws: Sequence[FrictionLaw] = (_OWN,)
-) -> tuple[Elasticity, PrescribedDisplacements, list[Contacts]]:
-    """The problem on its elements: the body with springs and plates, its supports, its contacts under several laws."""
+    problem: ContactProblem, cell: Triangle,
+    laws: Iterable[tuple[Mapping[str, FloatArray] | None, Mapping[str, FloatArray]]] = ((None, MappingProxyType({})),),
+) -> tuple[Elasticity, PrescribedDisplacements, list[Contacts]]:  # fmt: skip
+    """The body with springs and plates, its supports, and its contacts under several laws and directions of slip."""
     scales = Scales.of(problem)
     space = DisplacementSpace.of(problem, cell)
     contacts = [Contacts.of(problem, space, scales, *law) for law in laws]
