@@ -294,8 +294,8 @@ def refine(
         if isinstance(quantity, LimitFactor):
             strategy = LimitStrategy(problem, settings, checked_loads(problem, quantity.loads))
         else:
-            _ = SolveSettings.of(None, options)
-            strategy = TriangleRefinement(settings, Measure.of(problem, quantity), steps)
+            solves = SolveSettings.of(None, options)
+            strategy = TriangleRefinement(settings, Measure.of(problem, quantity), steps, solves)
         outcome = _refined(strategy, mesh, report)
         log.end(outcome.status.value, outcome.message, {}, outcome.status is RefinementStatus.REACHED)
         return outcome

@@ -36,7 +36,7 @@ from qvi_contact.solution.history import History, solve_history
 from qvi_contact.solution.remarks import stopped_plates
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import Settings as SolveSettings
-from qvi_contact.solution.solver import solve
+from qvi_contact.solution.solver import solved
 from qvi_contact.solution.stress import loads_followed
 from qvi_contact.units import Certainty
 from solvers import Status
@@ -144,7 +144,6 @@ _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
 }  # statuses of a solve that end the refinement with a status of its own
-_POSING: Final = ("degree", "law_on")  # options of the discretization, not of its solve
 
 _IN_CORNERS: Final = 3  # bisections in corners for a reference solution
 _AT_CHANGES: Final = 2  # bisections where contacts change their state
@@ -165,11 +164,12 @@ class TriangleRefinement:
     settings: Settings
     measure: Measure
     steps: tuple[ContactProblem, ...]
+    solves: SolveSettings  # those of all solves
 
     @property
     def degree(self) -> int:
         """Degree of the answers."""
-        degree = self.settings.options.get("degree")
+        degree = self.solves.degree
         return _DEGREE if degree is None else whole_number("degree", degree, _HIGHEST, LOWEST)
 
     def answer(self, mesh: TriangleMesh) -> ContactResult | History:
@@ -288,14 +288,12 @@ class TriangleRefinement:
 
     def _solved(self, mesh: TriangleMesh, degree: int, most: float) -> ContactResult | History:
         """The result with a degree; `StopError` if it needs more unknowns than `most`."""
-        options: dict[str, Any] = {**self.settings.options, "degree": degree}
+        settings = replace(self.solves, degree=degree)
         steps = [each if each.mesh is mesh else replace(each, mesh=mesh) for each in self.steps]
-        discretization = discretize(steps[0], degree=degree, law_on=SolveSettings.of(None, options).law)
+        discretization = discretize(steps[0], degree=degree, law_on=settings.law)
         if discretization.qvi.n > most:
             raise StopError(RefinementStatus.UNKNOWNS, f"a mesh of {discretization.qvi.n} unknowns is needed")
-        if len(steps) > 1:
-            return solve_history(steps, **options)
-        return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
+        return solve_history(steps, settings=settings) if len(steps) > 1 else solved(discretization, settings)
 
     def _value(self, answer: ContactResult | History) -> float:
         """The quantity; of a history in its last step, but the friction work of all steps."""
