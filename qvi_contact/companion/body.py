@@ -15,17 +15,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
+from typing import Final
 
 import numpy as np
 from scipy import sparse
 from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.discretization.displacements import (
-    MISFIT,
-    DisplacementSpace,
-    PrescribedDisplacements,
-)
+from qvi_contact.discretization.displacements import MISFIT, DisplacementSpace, PrescribedDisplacements
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import bernstein_basis, gauss_legendre
 from qvi_contact.mechanism.mechanism import null_space
@@ -36,11 +33,8 @@ from qvi_contact.problem.problem import ContactProblem
 from solvers.factorisation.base import Factorisation
 from solvers.factorisation.choice import factorise
 
-
-def load_points(degree: int) -> int:
-    """Gauss points an edge and direction for the work of data: exact for data up to degree 19 − p."""
-    return max(10, degree + 6)
-
+LOAD_POINTS: Final = 11
+"""Gauss points an edge and direction for the work of data on displacements: exact for data up to degree 16."""
 
 _QUADRATURE = 1e-11  # relative difference of two quadratures up to which it is rounding
 _ON_ARCS = 6  # additional Gauss points where cells have arcs
@@ -149,8 +143,8 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
     """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and remarks on errors of quadrature."""
     space, tractions, found = body.space, np.zeros(body.size), list[str]()
     for traction in problem.prescribed(Traction):
-        edges, count = traction.edges, load_points(space.degree)
-        field = along_edges(problem.mesh, edges, traction.name, traction.value, count)
+        edges = traction.edges
+        field = along_edges(problem.mesh, edges, traction.name, traction.value, LOAD_POINTS)
         lengths = edges.length / scales.length
         along = vectors_along(edges.take(field.edge), traction.direction[field.edge], field.t, turns=traction.turns)
         for component in (0, 1):
@@ -164,8 +158,7 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
             )
     remarks = tuple(dict.fromkeys(found))
     first, second = (
-        tractions + _body_load(problem, body, scales, count)
-        for count in (load_points(space.degree), 2 * load_points(space.degree) + 1)
+        tractions + _body_load(problem, body, scales, count) for count in (LOAD_POINTS, 2 * LOAD_POINTS + 1)
     )
     error = float(np.abs(first - second).max(initial=0.0))
     if error <= _QUADRATURE * max(float(np.abs(second).max(initial=0.0)), _QUADRATURE):

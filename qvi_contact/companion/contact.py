@@ -42,7 +42,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
-from qvi_contact.companion.body import CondensedBody, load_points
+from qvi_contact.companion.body import LOAD_POINTS, CondensedBody
 from qvi_contact.discretization.displacements import (
     MISFIT,
     PARALLEL,
@@ -155,8 +155,8 @@ class DisplacementContact:
 
     def moments(self, kind: str, reasons: list[str]) -> FloatArray:
         """∫ f B_i ds (n,) of a datum over S; adds a reason if the quadrature is not exact."""
-        field, stress, points = getattr(self.contact, kind), self.scales.stress, load_points(self.space.degree)
-        field_on_edges = along_edges(self.space.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
+        field, stress = getattr(self.contact, kind), self.scales.stress
+        field_on_edges = along_edges(self.space.mesh, self.edges, f"Contact.{kind}", field, LOAD_POINTS, minimum=0.0)
         if field_on_edges.error > MISFIT * max(stress, float(np.abs(field_on_edges.values).max(initial=0.0))):
             reasons.append(
                 f"The {kind.replace('_', ' ')} of {self.name!r} jumps or grows steeply. Quadrature leaves an error of "
@@ -278,7 +278,7 @@ class Contacts:
         springs, columns, resultants = sparse.csr_array((2 * n, 2 * n)), [np.zeros((2 * n, 0))], list[float]()
         obstacle, moved, fluid, law, slipping = *np.zeros((3, 2, n)), np.zeros((3, n)), np.full(n, np.nan)
         reasons, driven = list[str](), list[tuple[str, str]]()
-        t, weights = gauss_legendre(load_points(space.degree))
+        t, weights = gauss_legendre(LOAD_POINTS)
         shapes = bernstein_basis(space.degree, t)
         for trace in traces:
             here, contact, signs = trace.here, trace.contact, (np.ones_like(trace.turned), trace.turned)
