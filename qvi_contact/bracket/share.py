@@ -434,33 +434,31 @@ def _vanishing(problem: ContactProblem) -> BoolArray:
     a w for every v if the rank of all rows is the rank of the rows in w alone plus that of the rows in v alone. Springs
     across a contact take up μ s v_T. On a joint both bodies have the same rows.
     """
-    zero, must_vanish = np.zeros(2), np.zeros(len(problem.mesh.vertices), dtype=bool)
+    must_vanish = np.zeros(len(problem.mesh.vertices), dtype=bool)
     for body in bodies_of(problem) or [Body(problem, {}, np.arange(problem.mesh.cell_count))]:
-        demands, mesh = dict[int, tuple[list[FloatArray], list[FloatArray]]](), body.problem.mesh
-        laws = [(each, mesh.edges(each.edges)) for each in body.problem.contacts if each.law != "tied"]
-        for law, edges in laws:
-            if has_coulomb(law) and law.normal_stiffness is None:
-                demands |= {
-                    vertex: ([zero], [np.zeros(4)]) for vertex in {*edges.first.tolist(), *edges.second.tolist()}
-                }
-        for vertices in (mesh.boundary.first, mesh.boundary.second):
-            for vertex, held_vectors in zip(vertices.tolist(), held_subspaces(body.problem), strict=True):
-                fixed_rows, rows = demands.get(vertex, ([], []))
-                fixed_rows += list(held_vectors)
-                rows += [np.append(each, zero) for each in held_vectors]
-        for law, edges in laws:
-            friction = law.friction if has_coulomb(law) else 0.0
+        boundary, rough = body.problem.mesh.boundary, [np.empty(0, dtype=np.int64)]
+        zero, held = np.zeros((len(boundary), 2)), held_subspaces(body.problem).swapaxes(0, 1)
+        # vertices, and rows in (w, v) there: those of h · w = 0 and h · v = 0, then those of the laws
+        parts = [
+            (vertices, np.hstack(row))
+            for vertices in (boundary.first, boundary.second)
+            for h in held
+            for row in ([h, zero], [zero, h])
+        ]
+        for law in filter(lambda contact: contact.law != "tied", body.problem.contacts):
+            edges, friction = body.problem.mesh.edges(law.edges), law.friction if has_coulomb(law) else 0.0
             assert not callable(friction)
-            for end, vertices in enumerate((edges.first, edges.second)):
-                for vertex, normal in zip(
-                    vertices.tolist(), frames_along(edges, np.array([0.0, 1.0]))[0][:, end], strict=True
-                ):
-                    tangent = np.array([-normal[1], normal[0]])
-                    rows = demands.get(vertex, ([], []))[1]
-                    rows += [np.append(normal, -friction * tangent)] + [np.append(tangent, zero)] * bears_shear(law)
+            normals = frames_along(edges, np.array([0.0, 1.0]))[0].swapaxes(0, 1)
+            for vertices, normal in zip((edges.first, edges.second), normals, strict=True):
+                tangent = np.column_stack([-normal[:, 1], normal[:, 0]])
+                parts += [(vertices, np.hstack([normal, -friction * tangent]))]
+                parts += [(vertices, np.hstack([tangent, 0.0 * tangent]))] * bears_shear(law)
+                rough += [vertices] * (has_coulomb(law) and law.normal_stiffness is None)
+        vertex, row = (np.concatenate(each) for each in zip(*parts, strict=True))
         number = np.unique(problem.mesh.cells[body.cells])  # of the body's vertices in the whole mesh
-        for vertex, (fixed_rows, rows) in demands.items():
-            all_rows = [*rows, *(np.append(zero, each) for each in fixed_rows)]
-            ranks = (int(np.linalg.matrix_rank(part, ALIKE)) for part in (all_rows, np.array(rows)[:, :2], fixed_rows))
-            must_vanish[number[vertex]] |= next(ranks) > sum(ranks)
+        for place in np.unique(np.concatenate(rough)):
+            rows = row[vertex == place]
+            on_w, on_v = rows[:, :2], rows[~rows[:, :2].any(axis=1)]
+            ranks = (int(np.linalg.matrix_rank(part, ALIKE)) for part in (rows, on_w, on_v))
+            must_vanish[number[place]] |= next(ranks) > sum(ranks)
     return must_vanish
