@@ -16,9 +16,10 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, acts, instance_of, whole_number
 from qvi_contact.basics.schema import WithFields
 from qvi_contact.discretization.displacements import (
+    ALIKE,
     DisplacementSpace,
     PrescribedDisplacements,
-    corners_that_jump,
+    spread,
     supports,
     triangle,
 )
@@ -34,11 +35,12 @@ from qvi_contact.discretization.loads import (
     works_of,
 )
 from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
-from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.scaling import Scales, bounds
 from qvi_contact.discretization.space import EdgeRule, LawOn, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import HIGHEST, LOWEST
-from qvi_contact.errors import InputError, refuse_arguments
+from qvi_contact.errors import InputError, place_of, refuse_arguments
+from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
@@ -141,8 +143,24 @@ class Discretization(WithFields, PicklesFields):
         return space, supports(self.problem, space, self.scales, _MISFIT)
 
     def corners_that_jump(self, problem: ContactProblem, least: float) -> Iterator[tuple[str, str, float]]:
-        """See `displacements.corners_that_jump`; the problem has the same supports."""
-        return corners_that_jump(problem, self.scales, *self._supported_corners, least)
+        """Contacts with vertices that supports move beyond the obstacle: place of the worst one, contact, and how far.
+
+        The distance [length] is more than a share `least` of displacements. The problem has the same supports. Joints,
+        springs, and plates driven by force are left out, as they give way.
+        """
+        (space, prescribed), ends, unit = self._supported_corners, np.array([0.0, 1.0]), self.scales.displacement
+        for direction, values, is_equation, edges, contact in bounds(problem):
+            if contact is None:
+                continue
+            (x, y), dofs = problem.mesh.points_along(edges, ends), 2 * space.along(edges)[..., None] + np.arange(2)
+            d, limit = vectors_along(edges, direction, ends), values[:, [0, -1]].ravel()
+            rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), d.reshape(-1, 1, 2), space.size)[: x.size]
+            excess = unit * (rows @ prescribed.particular) - limit
+            excess = np.abs(excess) if is_equation else np.maximum(excess, 0.0)
+            excess[abs(rows @ prescribed.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # where supports leave d·v free
+            worst = int(np.argmax(excess))
+            if excess[worst] > least * max(unit, float(np.abs(limit).max())):
+                yield place_of((x.flat[worst], y.flat[worst])), contact.name, float(excess[worst])
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """The discretisation of a problem that differs in friction, cohesion and caps only, in the same units."""

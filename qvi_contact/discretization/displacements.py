@@ -22,7 +22,7 @@ prescribed tractions, v = B z + v₀. Two directions at a coefficient prescribe 
 arcs: there the inner coefficients are those of the polynomials n·v and t·v, see `components_along`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Final
@@ -33,7 +33,7 @@ from scipy import sparse
 from scipy.sparse.linalg import lsqr
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate, whole_number
-from qvi_contact.discretization.scaling import Scales, bounds
+from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import Functionals
 from qvi_contact.discretization.supports import Basis, Elimination
 from qvi_contact.element.edge import (
@@ -435,26 +435,3 @@ def supports(
         value[at >= 0] = corners @ lsqr(corners, value[at >= 0], atol=1e-14, btol=1e-14, iter_lim=100)[0]
         particular = solved.particular(value)[0]
     return PrescribedDisplacements(C, solved.basis, particular, (*reasons, *jumps), tuple(jumps))
-
-
-def corners_that_jump(
-    problem: ContactProblem, scales: Scales, space: DisplacementSpace, prescribed: PrescribedDisplacements, least: float
-) -> Iterator[tuple[str, str, float]]:
-    """Contacts with vertices that supports move beyond the obstacle: place of the worst one, contact, and how far.
-
-    The distance [length] is more than a share `least` of displacements. The space has degree 1. Joints, springs, and
-    plates driven by force are left out, as they give way.
-    """
-    ends = np.array([0.0, 1.0])
-    for direction, values, is_equation, edges, contact in bounds(problem):
-        if contact is None:
-            continue
-        (x, y), dofs = problem.mesh.points_along(edges, ends), 2 * space.along(edges)[..., None] + np.arange(2)
-        d, limit = vectors_along(edges, direction, ends), values[:, [0, -1]].ravel()
-        rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), d.reshape(-1, 1, 2), space.size)[: x.size]
-        excess = scales.displacement * (rows @ prescribed.particular) - limit
-        excess = np.abs(excess) if is_equation else np.maximum(excess, 0.0)
-        excess[abs(rows @ prescribed.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # where supports leave d·v free
-        worst = int(np.argmax(excess))
-        if excess[worst] > least * max(scales.displacement, float(np.abs(limit).max())):
-            yield place_of((x.flat[worst], y.flat[worst])), contact.name, float(excess[worst])

@@ -321,8 +321,6 @@ def _check_pressure(problem: ContactProblem) -> None:
     A constant pressure does not strain such a body, so a traction must determine it. A plate's force or an open contact
     could determine it too, but then K of (D2) is singular. No stress can balance an initial strain of such parts.
     """
-    if not any(material.incompressible for material in problem.materials):
-        return
     is_incompressible = [problem.materials[number].incompressible for number in np.unique(problem.cell_materials)]
     if any(is_incompressible) and is_strained(problem):
         remedy = "temperature, shrinkage and prestress need a compressible material: take a number below 0.5"

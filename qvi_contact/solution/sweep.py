@@ -340,12 +340,12 @@ class SweepTask:
             if count >= at_least and deadline.over:
                 return
             began, problem, before = time.perf_counter(), self.changed(value), self._before
-            if before is None or laws_vary(problem) != laws_vary(before.problem):  # another default rule
-                stated: ContactProblem | Discretization = problem
-            else:
+            stated: ContactProblem | Discretization = problem
+            if before is not None and laws_vary(problem) == laws_vary(before.problem):  # the same default rule
                 stated = before.with_law(problem) if self.parameter == "friction" else before.with_data(problem)
             result = solved(stated, self.settings, self._state if self.warm else None)
-            self._before = result.discretization
+            is_near = math.isfinite(result.discretization.scales.reach)  # the next body may not meet far obstacles
+            self._before = result.discretization if is_near else None
             if result.status is Status.SOLVED:
                 self._state = result
             yield number, value, result, time.perf_counter() - began
