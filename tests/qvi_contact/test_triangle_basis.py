@@ -142,9 +142,8 @@ def test_stresses_and_airy_function_at_points(degree):
 
 @pytest.mark.parametrize("degree", [3, 4, 5])
 def test_body_force_enters_load_and_root(degree):
-    mesh = unstructured(2)
-    basis = StressSpace(mesh, degree)
-    cells = np.arange(mesh.cell_count)
+    basis = StressSpace(unstructured(2), degree)
+    cells = np.arange(basis.mesh.cell_count)
     points = basis.points(cells, basis.cell_quadrature[0])
     potential = 1.0 + points[..., 0] - 2.0 * points[..., 1]
     body = stiffness(basis, COMPLIANCE)
