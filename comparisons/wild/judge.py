@@ -202,7 +202,7 @@ def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
     mesh = samples.problem.mesh
     missed, given_there = np.zeros((len(mesh.boundary), 2)), np.zeros(len(mesh.boundary), dtype=int)
     for given in samples.problem.prescribed(Traction):
-        edges, straight = given.edges, ~given.edges.bent
+        edges, straight, index = given.edges, ~given.edges.bent, mesh.edge_set(given.condition.edges)
         direction = vectors_along(edges, given.direction, _NODES, turns=given.turns)
         normals, _ = frames_along(edges, _NODES)
         found = (tractions(normals, samples.on(edges, _NODES)) * direction).sum(axis=2)
@@ -217,8 +217,8 @@ def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
         varies = callable(given.value) or edges.curved
         wanted = _integral(along) if varies else np.asarray(given.value * given.direction)  # type: ignore[operator]
         force = np.einsum("nq,nqk,q->nk", found, direction, _WEIGHTS) - wanted
-        missed[given.index] += force
-        given_there[given.index] += 1
+        missed[index] += force
+        given_there[index] += 1
         yield f"prescribed {given.name}", _relative(np.hypot(*force[straight].T), samples.largest)
         if not callable(given.value):
             moment = (found - given.value)[straight] @ (_WEIGHTS * (_NODES - 0.5))

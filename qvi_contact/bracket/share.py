@@ -414,7 +414,8 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
 def held_subspaces(problem: ContactProblem) -> FloatArray:
     """By boundary edge the projector (2, 2) onto directions that supports and tied contacts, but not springs, hold."""
     boundary = problem.mesh.boundary
-    held = [(support.index, support.direction) for support in problem.prescribed(Displacement)]
+    supports = problem.prescribed(Displacement)
+    held = [(problem.mesh.edge_set(each.condition.edges), each.direction) for each in supports]
     for contact in problem.contacts:
         if contact.law == "tied" and contact not in problem.joints:
             edges = problem.mesh.edge_set(contact.edges)

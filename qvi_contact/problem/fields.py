@@ -231,7 +231,6 @@ def along_edges(
     finite or is below the minimum at a point.
     """
     if not callable(field):
-        check_field(name, field, minimum=minimum)
         return constant(field, len(edges), points)
 
     def values(edge: IntArray, t: FloatArray) -> FloatArray:

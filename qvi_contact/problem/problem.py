@@ -50,10 +50,8 @@ class Prescribed:
     """The condition that prescribes the component."""
     name: str
     """Name of the component in messages, such as "Traction.x"."""
-    index: IntArray
-    """Indices of the edges in `TriangleMesh.boundary`, shape (n,)."""
     edges: Edges
-    """The edges themselves."""
+    """The edges, n of them."""
     direction: FloatArray
     """Unit vector of the component on each edge, shape (n, 2)."""
     turns: bool
@@ -200,10 +198,9 @@ class ContactProblem(WithFields, PicklesFields):
             else:
                 data = {(type(condition), name): value for name, value in components(condition).items()}
             title, edges = type(condition).__name__, self.mesh.edges(condition.edges)
-            index = self.mesh.topology.outer.searchsorted(edges.number)
             for (kind, name), value in data.items():
                 frame = direction_of(name, edges.normal, edges.tangent), name in LOCAL
-                prescribed[kind].append(Prescribed(condition, f"{title}.{name}", index, edges, *frame, value))
+                prescribed[kind].append(Prescribed(condition, f"{title}.{name}", edges, *frame, value))
         return {kind: tuple(each) for kind, each in prescribed.items()}
 
 

@@ -295,7 +295,7 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
         (each.name, each.plate.pivot, *(getattr(each.plate, name) is None for name in DRIVES))
         for each in problem.contacts if each.plate is not None
     ]  # fmt: skip
-    supports = [(each.name, each.index.tobytes()) for each in problem.prescribed(Displacement)]
+    supports = [(each.name, each.edges.number.tobytes()) for each in problem.prescribed(Displacement)]
     free = mesh.kept(np.ndarray, ("free", *lines, *plates, *supports), by_supports)  # kept for all steps of a history
     if not free.shape[1]:
         return None
