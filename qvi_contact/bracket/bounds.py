@@ -281,7 +281,7 @@ def bracket(
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
         log.begin({"what": kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
         stress, refusal = admissible_stress(known, tractions.bound, result, tolerance)
-        shared: SharedStress | str = with_shares(result, tolerance) if rough else ""
+        shared: SharedStress | str = with_shares(result, known, tolerance) if rough else ""
         slips: list[Mapping[str, FloatArray]] = [{}]  # a second displacement is for Coulomb's law
         slips += [] if isinstance(shared, str) else [{name: each.slipping for name, each in shared.shares.items()}]
         bound = tractions.bound * known.scales.stress

@@ -213,23 +213,21 @@ def with_bernstein_rows(known: Discretization) -> Discretization:
     return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
 
 
-def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
+def with_shares(result: ContactResult, known: Discretization, tolerance: float) -> SharedStress | str:
     """(H4): a stress with continuous shares near that of a result, or a reason why its errors are not bounded.
 
-    A result whose rows do not hold Coulomb's law on whole edges is solved anew. At a vertex s is 1 or −1 if an edge
-    slips there. Where no edge slips, s is the mean of the edges, weighted by their bounds. Where no R of (D26) exists
-    otherwise, s is 0. On each edge only the first and the last coefficient that count change. Displacements may slip
-    either way on edges far from an obstacle.
+    The rows of `known` hold Coulomb's law on whole edges; a result with others is solved anew. At a vertex s is 1 or −1
+    if an edge slips there. Where no edge slips, s is the mean of the edges, weighted by their bounds. Where no R of
+    (D26) exists otherwise, s is 0. On each edge only the first and the last coefficient that count change.
+    Displacements may slip either way on edges far from an obstacle.
     """
     reason, raw_shares = outside_scope(result.problem), dict[str, Share]()
     if reason:
         return reason
-    known, solution = with_bernstein_rows(result.discretization), result.solution
     if known is not result.discretization:
-        solution = solve_qvi(known.qvi, tolerance=tolerance)
-    result = ContactResult(known, solution)
+        result = ContactResult(known, solve_qvi(known.qvi, tolerance=tolerance))
     if not result.has_state:
-        return f"No stress that obeys the contact law on whole edges was found: {solution.message}"
+        return f"No stress that obeys the contact law on whole edges was found: {result.solution.message}"
     tractions, prescribed_senses = EdgeTractions.of(known, result.dofs), prescribed_slip(known.problem)
     for rows, contact in zip(known.contacts, known.problem.contacts, strict=True):
         if has_coulomb(contact):
