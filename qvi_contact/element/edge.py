@@ -196,18 +196,19 @@ def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
 
 
 def adapted(
-    function: Function, count: int, points: int = 8, rounding: FloatArray | None = None, noise: FloatArray | None = None
-) -> EdgeQuadrature:
+    function: Function, count: int, points: int = 8, rounding: FloatArray | None = None,
+    noise: Callable[[], FloatArray] | None = None,
+) -> EdgeQuadrature:  # fmt: skip
     """Quadrature of a function on `count` edges with `points` Gauss points on each part.
 
     A polynomial of degree below `points` needs one part per edge. By edge (n,), 0 by default: `rounding` is the error
-    of t, `noise` the change of values where rounding moves points to the side of their edge.
+    of t, `noise` gives the change of values where rounding moves points to the side of their edge, if it is needed.
     """
     if not count:
         return constant(0.0, 0, points)
     t, w = gauss_legendre(points)
     to_samples = legendre_basis(points - 1, SAMPLES) @ legendre_from_values(points - 1, points)
-    rounding, noise = (np.zeros(count) if each is None else each for each in (rounding, noise))
+    rounding, across = np.zeros(count) if rounding is None else rounding, np.zeros(count)
     edge, start, length = np.arange(count), np.zeros(count), np.ones(count)
     accepted, size, n_divided, error = list[tuple[Any, ...]](), 0.0, count, 0.0
     for halvings in range(_MAX_HALVINGS + 1):
@@ -217,10 +218,13 @@ def adapted(
         values, size = found[:, :points], size or float(np.abs(found).max())
         differences = np.abs(values @ to_samples[::step].T - found[:, points:])
         slopes = np.ptp(values, axis=1) / length  # a point moved by rounding changes a value in proportion to these
-        tolerances = _SAMPLE_TOLERANCE * size + _SLOPE_FACTOR * (rounding[edge] * slopes + noise[edge])
+        tolerances = _SAMPLE_TOLERANCE * size + _SLOPE_FACTOR * (rounding[edge] * slopes + across[edge])
         errors = length * differences.mean(axis=1)
         is_open = (errors > _INTEGRAL_TOLERANCE * size) & (differences.max(axis=1) > tolerances)
         if halvings == 0:
+            if noise is not None and is_open.any():
+                across = noise()
+                is_open &= differences.max(axis=1) > tolerances + _SLOPE_FACTOR * across
             n_divided = int(is_open.sum())
         if halvings == _MAX_HALVINGS or is_open.sum() > _MAX_PARTS * n_divided:  # left unresolved
             is_open, error = np.zeros_like(is_open), float(errors[is_open].sum())

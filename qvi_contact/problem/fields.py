@@ -236,12 +236,17 @@ def along_edges(
     def values(edge: IntArray, t: FloatArray) -> FloatArray:
         return evaluate(name, field, *mesh.points_along(edges.take(edge), t), minimum=minimum)
 
-    rounding, noise = rounding_along(mesh.vertices, edges), np.zeros(len(edges))
-    (x, y), normals = mesh.points_along(edges, _PLACES), frames_along(edges, _PLACES)[0]
-    dx, dy = np.moveaxis(_STEP * (rounding * edges.length)[:, None, None] * normals, -1, 0)
-    with suppress(InputError):  # a field may have no values beside the edges
-        here, *beside = (evaluate(name, field, x + side * dx, y + side * dy) for side in (0.0, -1.0, 1.0))
-        noise = np.abs(np.stack(beside) - here).min(axis=0).max(axis=1) / _STEP  # on one side it may jump
+    rounding = rounding_along(mesh.vertices, edges)
+
+    def noise() -> FloatArray:
+        (x, y), normals = mesh.points_along(edges, _PLACES), frames_along(edges, _PLACES)[0]
+        dx, dy = np.moveaxis(_STEP * (rounding * edges.length)[:, None, None] * normals, -1, 0)
+        with suppress(InputError):  # a field may have no values beside the edges
+            here, *beside = (evaluate(name, field, x + side * dx, y + side * dy) for side in (0.0, -1.0, 1.0))
+            changes = np.abs(np.stack(beside) - here).min(axis=0)  # it may jump on one side
+            return np.asarray(changes.max(axis=1) / _STEP)
+        return np.zeros(len(edges))
+
     return adapted(values, len(edges), points, rounding, noise)
 
 
