@@ -61,9 +61,8 @@ class EdgeRule:
 
     law_on: LawOn
     points: FloatArray  # (q,): Gauss points on [0, 1]
-    weights: FloatArray  # (q,): their weights, of sum 1
     # (q,): where friction, cohesion and cap of the rows are evaluated, and the weights W of the rows over the edge's
-    # length: points and weights for Gauss rows; i/(q − 1) and 1/q for Bernstein coefficients
+    # length, of sum 1: Gauss points and weights for Gauss rows; i/(q − 1) and 1/q for Bernstein coefficients
     places: FloatArray
     shares: FloatArray
     to_points: FloatArray  # (q, q): V; the identity for Gauss rows
@@ -93,10 +92,10 @@ def edge_rule(law_on: LawOn, degree: int) -> EdgeRule:
     count = degree - 1
     points, weights = gauss_legendre(count)
     if law_on == "points":
-        return EdgeRule(law_on, points, weights, points, weights, np.eye(count), np.eye(count))
+        return EdgeRule(law_on, points, points, weights, np.eye(count), np.eye(count))
     values = bernstein_basis(count - 1, points)
     places, shares = np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count)
-    return EdgeRule(law_on, points, weights, places, shares, values, np.asarray(np.linalg.inv(values)))
+    return EdgeRule(law_on, points, places, shares, values, np.asarray(np.linalg.inv(values)))
 
 
 class Functionals(NamedTuple):
