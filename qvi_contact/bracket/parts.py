@@ -78,12 +78,9 @@ class EdgeTractions:
     @classmethod
     def of(cls, discretization: Discretization, u: FloatArray) -> "EdgeTractions":
         """Tractions of the degrees of freedom u of Φ."""
-        qvi, rule = discretization.qvi, discretization.rule
-        if not qvi.m:
-            empty = np.zeros((0, rule.count))
-            return cls(empty, empty, empty, np.ones(0, dtype=bool), np.ones(0, dtype=bool), 0.0)
+        qvi, rule, empty = discretization.qvi, discretization.rule, np.zeros((0, discretization.rule.count))
         with_rows = [rows for rows in discretization.contacts if rows.law != "tied"]
-        pairs = [tractions_on(discretization, u, rows) for rows in with_rows]
+        pairs = [(empty, empty), *(tractions_on(discretization, u, rows) for rows in with_rows)]
         normal, shear = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
         (cohesion, exact), (cap, cap_exact) = (
             _polynomials(discretization, joined([getattr(rows.limits, name) for rows in with_rows]))
@@ -96,9 +93,9 @@ class EdgeTractions:
             """On which edges all coefficients of the first bound are at most those of the second, up to rounding."""
             return np.asarray((first <= second * (1.0 + _BELOW_ZERO)).all(axis=1))
 
-        size = float(max(np.abs(rule.at_points(part.ravel())).max() for part in (normal, shear)))
+        size = float(max(np.abs(rule.at_points(part.ravel())).max(initial=0.0) for part in (normal, shear)))
         exact = np.where(below(coulomb, cap), exact, cap_exact & below(cap, coulomb))
-        bilateral = np.asarray(qvi.bilateral.reshape(len(coulomb), -1).any(axis=1))
+        bilateral = np.asarray(qvi.bilateral.reshape(-1, rule.count).any(axis=1))
         return cls(normal, shear, np.minimum(coulomb, cap), exact, bilateral, size)
 
     def violations(self, bound: FloatArray) -> tuple[FloatArray, FloatArray]:
