@@ -370,8 +370,6 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
         is_inner = (share.slipping == 0.0)[:, None] & does_count & (before > 1) & (after > 1)
         may_change[:, at_rows] = (pressure > _BEARS * pressure.max(initial=0.0)).ravel(), is_inner.ravel()
     size = max(float(np.abs(target).max()), *(float(share.weights.max(initial=0.0)) for share in shares.values()))
-    if not np.abs(target).max(initial=0.0) > 0.0:
-        return result, dict(shares)
     shear_rows = sparse.csr_array(qvi.T - sparse.diags_array(signed_friction) @ qvi.N)
     all_rows = sparse.csr_array(sparse.vstack([qvi.N, shear_rows, qvi.A]))
     all_right = np.concatenate([np.zeros(m), target, np.zeros(qvi.A.shape[0])])
