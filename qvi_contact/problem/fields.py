@@ -241,7 +241,7 @@ def along_edges(
     def noise() -> FloatArray:
         (x, y), normals = mesh.points_along(edges, _PLACES), frames_along(edges, _PLACES)[0]
         dx, dy = np.moveaxis(_STEP * (rounding * edges.length)[:, None, None] * normals, -1, 0)
-        with suppress(InputError):  # a field may have no values beside the edges
+        with suppress(InputError), np.errstate(all="ignore"):  # a field may have no values beside the edges
             here, *beside = (evaluate(name, field, x + side * dx, y + side * dy) for side in (0.0, -1.0, 1.0))
             changes = np.abs(np.stack(beside) - here).min(axis=0)  # it may jump on one side
             return np.asarray(changes.max(axis=1) / _STEP)
