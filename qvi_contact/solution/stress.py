@@ -217,14 +217,13 @@ def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
     degree, largest = space.element.traction_degree, 0.0
     count = max(LOAD_POINTS, degree + 1)
     for given in problem.prescribed(Traction):
-        if given.edges.curved:  # normals turn: a component of the traction is no polynomial of that degree
-            degree = count - 1
+        most = count - 1 if given.edges.curved else degree  # a component of the traction is no polynomial on arcs
         points = EdgePoints(space, given.edges, count)
         normal, shear = points.tractions(u.ravel())
         directions = points.vectors(given.direction, given.turns)
         along = ((normal * points.normals.T + shear * points.tangents.T) * directions.T).sum(axis=0)
         prescribed = traction_data(problem, scales, given, LOAD_POINTS)
-        computed = along.reshape(-1, count) @ legendre_from_values(degree, count).T
+        computed = along.reshape(-1, count) @ legendre_from_values(most, count).T
         largest = max(largest, prescribed.misfit(computed))
     return scales.stress * largest
 
