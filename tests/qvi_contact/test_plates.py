@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh, solve
+from qvi_contact.command import result_lines
 from qvi_contact.discretization import discretize
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
+from qvi_contact.units import Units
 from solvers import Status, certify
 from tests.cases import every_pair, refused_at, thinned
 from tests.qvi_contact.builders import difference, solved
@@ -83,6 +85,8 @@ def test_force_and_displacement_give_one_state(law, side, driven):
     result = solved(pushed(side, replace(base, plate=plate)))
     assert difference(expected, result) < 1e-6
     found = result.plates["plate"]
+    said = [line for line in result_lines(result, Units()) if line.startswith("obstacle plate ")]
+    assert ["at (0.7, -0.3)" in said[0], said[1].endswith("about (0.7, -0.3)")] == [True, True]
     for name in ("x", "y", "rotation"):
         assert getattr(found, name) == pytest.approx(imposed.get(name, 0.0), rel=1e-5, abs=1e-8)
     ours, theirs = expected.contacts["plate"], result.contacts["plate"]

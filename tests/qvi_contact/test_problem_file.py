@@ -165,6 +165,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
      ("gap = -1e-3", "gap = 1.0\npin = { centre = [0, 0], radius = 1, x = 0 }", "contacts[0].pin", "leave out gap"),
      ("[[contacts]]", "[contacts]", "contacts", "double brackets"),
      ('edges = "top"', 'edges = "to"', "contacts[0].edges", "[[edges]]"),
+     ('edges = "top"', 'edges = ["top", "left"]', "contacts[0].edges", "each name needs a table"),
      ('edges = "right"', 'edges = "top"', "contacts[0]", "already has the condition"),
      ('[[symmetry]]\nedges = "left"', "", "boundary conditions", "add a traction"),
      ("x = [0.0, 1.0]", "x = [0.0, 0.0]\nremove = [{ y = [0.0, 1.0] }]", "mesh.x", "increasing"),
