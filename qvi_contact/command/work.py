@@ -92,7 +92,7 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
     with _problem_file(file, given) as (problem_file, targets, options):
         problem_file, plan = _with_settings(problem_file, swept)
         units = problem_file.units
-        charts = _chart_names(problem_file, panels)
+        charts = None if panels is None else _chart_names(problem_file, panels)
         if panels is not None and not {"plot", "report"} & targets.keys():
             raise InputError("--panels", panels, "is for pictures: give --plot or --report too")
         if _is_stored(problem_file, plan, given) and plan is not None:
@@ -492,12 +492,10 @@ def _files_of(option: str, path: str) -> tuple[str, ...]:
     return (path, str(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"))) if option == "vtk" else (path,)
 
 
-def _chart_names(file: ProblemFile, panels: str | None) -> list[str] | None:
-    """The contacts that --panels names, an empty list for "none"; None if the picture chooses them."""
+def _chart_names(file: ProblemFile, panels: str) -> list[str]:
+    """The contacts that --panels names, which may have commas in their names; an empty list for "none"."""
     names = [contact.name for contact in file.problem.contacts]
-    if panels is None or panels in names:
-        return None if panels is None else [panels]
-    names_asked = [] if panels == "none" else [part.strip() for part in panels.split(",")]
+    names_asked = [panels] if panels in names else [part.strip() for part in panels.split(",") if panels != "none"]
     return [known_name("--panels", name, {"contacts": names}) for name in names_asked]
 
 

@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number
-from qvi_contact.basics.schema import LARGEST, Checked, Name, Positive
+from qvi_contact.basics.schema import Checked, Name, Positive
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts, circle
 from qvi_contact.mesh.edges import cross
+from qvi_contact.mesh.grid import graded_lines
 from qvi_contact.mesh.selection import crossing, in_circles, point
 from solvers.basics.foreign import foreign_code, handlers_kept
 from solvers.basics.types import load
@@ -55,8 +56,7 @@ class Corner(Checked):
     clockwise: bool = False
     """Whether the arc runs clockwise around its centre: `clockwise = true`."""
     size: Positive | None = None
-    """Size of the triangles at this corner; it changes evenly along the line to the next corner [length]:
-    `size = 0.02`."""
+    """Size of the triangles here; it changes evenly along the line to the next corner [length]: `size = 0.02`."""
 
     @classmethod
     def circle(cls, centre: Point, radius: float, name: str = "", size: float | None = None) -> tuple[Corner, Corner]:
@@ -123,8 +123,6 @@ def polygons(
 ) -> Polygons:
     """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` names a line that is wrong."""
     size = positive_number("size", size)
-    if size > LARGEST:
-        raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
     given_sizes = mapping("sizes", sizes, "points to sizes", optional=True)
     arcs = _Arcs()
     lines = {"corners": corners, **{f"holes[{k}]": line for k, line in enumerate(_checked_list(holes))}}
@@ -170,11 +168,11 @@ def _polygon(name: str, line: Line, size: float, arcs: _Arcs, *, closed: bool) -
     corners += corners[:1] if closed else []
     corner_sizes = [corner.size or size for corner in corners]
     divisions = []
-    for corner, stop, *ends in zip(corners, corners[1:], corner_sizes, corner_sizes[1:], strict=False):
+    for corner, stop, *end_sizes in zip(corners, corners[1:], corner_sizes, corner_sizes[1:], strict=False):
         # an arc that two lines have in common, as a joint and a region, is divided once: else needles would result
         key = corner.at, stop.at, corner.centre, corner.clockwise
         if len(arcs.get(key, ())) < least:
-            arcs[key] = _division(name, corner, stop, ends, least)
+            arcs[key] = _division(name, corner, stop, end_sizes, least)
             arcs[stop.at, corner.at, corner.centre, not corner.clockwise] = np.array([stop.at, *arcs[key][:0:-1]])
         divisions.append(arcs[key])
     counts = [len(points) for points in divisions]
@@ -182,7 +180,7 @@ def _polygon(name: str, line: Line, size: float, arcs: _Arcs, *, closed: bool) -
         raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
     points = np.concatenate([*divisions, [corners[-1].at]])
     steps = zip(corner_sizes, corner_sizes[1:], counts, strict=False)
-    sizes = np.concatenate([*(a * (b / a) ** (np.arange(n) / n) for a, b, n in steps), corner_sizes[-1:]])
+    sizes = np.array([*(a * (b / a) ** (k / n) for a, b, n in steps for k in range(n)), corner_sizes[-1]])
     names = np.repeat(np.array([corner.name for corner in corners[:-1]], dtype=object), counts)
     centres = np.array([(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[:-1]])
     ends, centres = np.arange(len(names))[:, None] + [0, 1], np.repeat(centres, counts, axis=0)
@@ -193,11 +191,7 @@ def _polygon(name: str, line: Line, size: float, arcs: _Arcs, *, closed: bool) -
 
 
 def _division(name: str, corner: Corner, next_corner: Corner, sizes: Sequence[float], least: int) -> FloatArray:
-    """The corner, and the points that divide an arc into `least` or more, without its end point; shape (n, 2).
-
-    The length h of chords is linear in the length s of the arc between the `sizes` at its ends. The first k of n chords
-    have the share k/n of the whole ∫ ds/h, so h at their end is h_0 (h_1/h_0)^(k/n).
-    """
+    """The corner, and the points that divide an arc into `least` or more, without its end point; shape (n, 2)."""
     start, stop = np.array(corner.at), np.array(next_corner.at)
     if np.array_equal(start, stop):
         raise InputError(name, corner.at, "two corners lie here one after the other: leave one out")
@@ -211,18 +205,16 @@ def _division(name: str, corner: Corner, next_corner: Corner, sizes: Sequence[fl
     start_angle, end_angle = (float(np.arctan2(*(end - centre)[::-1])) for end in (start, stop))
     turn = (start_angle - end_angle if corner.clockwise else end_angle - start_angle) % (2.0 * np.pi)
     first, last = (min(size, radius * _MAX_CHORD_ANGLE) for size in sizes)
-    growth = np.log(last / first)
-    mean_size = (last - first) / growth if growth else first
+    # sizes h that are linear in the length s of the arc need ∫ ds/h chords, in geometric progression
+    mean_size = first if first == last else (last - first) / np.log1p((last - first) / first)
     chords = np.ceil(turn * radius / mean_size - 1e-9)  # may be infinite
     if chords > _MAX_LINES:
-        remedy = f"would divide this arc into {chords:g} chords, at most {_MAX_LINES}: give more"
-        raise InputError(name, min(sizes), remedy)
+        raise InputError(name, min(sizes), f"makes {chords:g} chords of this arc, at most {_MAX_LINES}: give more")
     if chords < 1.0:
         raise InputError(name, corner.centre, "is too far from this arc: leave the centre out, the line is straight")
     count = max(int(chords), least)
-    share = np.arange(count) / count
-    share = np.expm1(growth * share) / np.expm1(growth) if growth else share
-    angles = start_angle + (-1.0 if corner.clockwise else 1.0) * turn * share
+    shares = graded_lines(0.0, 1.0, count, (last / first) ** (1.0 / count))[:-1]
+    angles = start_angle + (-1.0 if corner.clockwise else 1.0) * turn * shares
     points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     points[0] = start
     return points
@@ -239,7 +231,7 @@ def _check_sizes(outline: Polygons) -> None:
         raise InputError("size", smallest, f"is too small for a body of length {outline.length:g}: give more")
     edges = float((np.hypot(*(pieces[:, 1] - pieces[:, 0]).T) / sizes[:, 0]).sum())
     area = abs(float(cross(start, stop).sum())) / 2.0
-    triangles = 4.0 / np.sqrt(3.0) * area / outline.largest**2 + edges
+    triangles = 4.0 / np.sqrt(3.0) * area / outline.largest / outline.largest + edges
     if triangles > _MAX_TRIANGLES:
         remedy = f"makes about {triangles:.0e} triangles, at most {_MAX_TRIANGLES}: give more"
         raise InputError("size", outline.largest, remedy)

@@ -78,12 +78,11 @@ def result_figure(
         if callable(result.problem.body_potential):
             body.plot([], [], " ", label=f"{_body_force(result.problem)} body force".strip())
         style.legend_below(body, [body], 3)
-        most, rounding = float(np.abs(result.gauss_stress()[2]).max()) if charts else 0.0, result.rounding.stress
         for chart, name in zip(charts, panels, strict=True):
-            line = result.contacts[name]
+            line, top = result.contacts[name], float(np.abs(result.gauss_stress()[2]).max())
             contact_tractions(chart, line, units)
-            if np.abs([line.normal_stress, line.tangential_stress]).max() <= max(NOTHING * most, rounding):
-                chart.set_ylim(0.0, most if most > rounding else 1.0)  # rather than rounding
+            if np.hypot(line.normal_stress, line.tangential_stress).max() <= max(NOTHING * top, result.rounding.stress):
+                chart.set_ylim(0.0, top if top > result.rounding.stress else 1.0)  # rather than rounding
             if len(names) > 1:
                 chart.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:
