@@ -92,9 +92,13 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
     with _problem_file(file, given) as (problem_file, targets, options):
         problem_file, plan = _with_settings(problem_file, swept)
         units = problem_file.units
-        charts = None if panels is None else _chart_names(problem_file, panels)
-        if panels is not None and not {"plot", "report"} & targets.keys():
-            raise InputError("--panels", panels, "is for pictures: give --plot or --report too")
+        charts = None
+        if panels is not None:
+            if not {"plot", "report"} & targets.keys():
+                raise InputError("--panels", panels, "is for pictures: give --plot or --report too")
+            names = [contact.name for contact in problem_file.problem.contacts]  # a name may have a comma
+            asked = [panels] if panels in names else [part.strip() for part in panels.split(",") if panels != "none"]
+            charts = [known_name("--panels", name, {"contacts": names}) for name in asked]
         if _is_stored(problem_file, plan, given) and plan is not None:
             store_options = {name: given[name] for name in ("store", "workers", "dask") if given[name] is not None}
             sweep = _sweep(problem_file, plan, options, verbose, **store_options)
@@ -490,13 +494,6 @@ def _files_of(option: str, path: str) -> tuple[str, ...]:
     """The files that an option writes; --vtk writes a second one, for contacts."""
     whole = Path(path)
     return (path, str(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"))) if option == "vtk" else (path,)
-
-
-def _chart_names(file: ProblemFile, panels: str) -> list[str]:
-    """The contacts that --panels names, which may have commas in their names; an empty list for "none"."""
-    names = [contact.name for contact in file.problem.contacts]
-    names_asked = [panels] if panels in names else [part.strip() for part in panels.split(",") if panels != "none"]
-    return [known_name("--panels", name, {"contacts": names}) for name in names_asked]
 
 
 def _write_all(

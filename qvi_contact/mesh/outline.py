@@ -205,7 +205,6 @@ def _division(name: str, corner: Corner, next_corner: Corner, sizes: Sequence[fl
     start_angle, end_angle = (float(np.arctan2(*(end - centre)[::-1])) for end in (start, stop))
     turn = (start_angle - end_angle if corner.clockwise else end_angle - start_angle) % (2.0 * np.pi)
     first, last = (min(size, radius * _MAX_CHORD_ANGLE) for size in sizes)
-    # sizes h that are linear in the length s of the arc need ∫ ds/h chords, in geometric progression
     mean_size = first if first == last else (last - first) / np.log1p((last - first) / first)
     chords = np.ceil(turn * radius / mean_size - 1e-9)  # may be infinite
     if chords > _MAX_LINES:
@@ -213,7 +212,7 @@ def _division(name: str, corner: Corner, next_corner: Corner, sizes: Sequence[fl
     if chords < 1.0:
         raise InputError(name, corner.centre, "is too far from this arc: leave the centre out, the line is straight")
     count = max(int(chords), least)
-    shares = graded_lines(0.0, 1.0, count, (last / first) ** (1.0 / count))[:-1]
+    shares = graded_lines(0.0, 1.0, count, (last / first) ** (1.0 / count))[:-1]  # sizes are linear in the length
     angles = start_angle + (-1.0 if corner.clockwise else 1.0) * turn * shares
     points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     points[0] = start

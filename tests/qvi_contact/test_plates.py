@@ -70,8 +70,7 @@ def test_force_and_displacement_give_one_state(law, side, driven):
     """Displacement → forces → plate with those forces → the same motion and the same stresses."""
     law, driven = CONTACTS[law], DRIVEN[driven]
     *_, sign, normal = SIDES[side]
-    tangential = "x" if normal == "y" else "y"
-    pivot = (0.7, -0.3)
+    tangential, pivot = "x" if normal == "y" else "y", (0.7, -0.3)
     components = [f"force_{normal}" if name == "normal" else name for name in driven]
     motion = {"force_x": ("x", 0.0), "force_y": ("y", 0.0), "moment": ("rotation", 4e-4)}
     wanted = {f"force_{normal}": -8e-3 * sign, f"force_{tangential}": 5e-3, "moment": 4e-4}
