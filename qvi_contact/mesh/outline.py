@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number
-from qvi_contact.basics.schema import Checked, Name, Positive
+from qvi_contact.basics.schema import LARGEST, Checked, Name, Positive
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts, circle
 from qvi_contact.mesh.edges import cross
@@ -123,6 +123,8 @@ def polygons(
 ) -> Polygons:
     """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` names a line that is wrong."""
     size = positive_number("size", size)
+    if size > LARGEST:
+        raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
     given_sizes = mapping("sizes", sizes, "points to sizes", optional=True)
     arcs = _Arcs()
     lines = {"corners": corners, **{f"holes[{k}]": line for k, line in enumerate(_checked_list(holes))}}
@@ -230,7 +232,7 @@ def _check_sizes(outline: Polygons) -> None:
         raise InputError("size", smallest, f"is too small for a body of length {outline.length:g}: give more")
     edges = float((np.hypot(*(pieces[:, 1] - pieces[:, 0]).T) / sizes[:, 0]).sum())
     area = abs(float(cross(start, stop).sum())) / 2.0
-    triangles = 4.0 / np.sqrt(3.0) * area / outline.largest / outline.largest + edges
+    triangles = 4.0 / np.sqrt(3.0) * area / outline.largest**2 + edges
     if triangles > _MAX_TRIANGLES:
         remedy = f"makes about {triangles:.0e} triangles, at most {_MAX_TRIANGLES}: give more"
         raise InputError("size", outline.largest, remedy)
