@@ -91,7 +91,6 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
     """Solve a problem, its history, or a sweep."""
     with _problem_file(file, given) as (problem_file, targets, options):
         problem_file, plan = _with_settings(problem_file, swept)
-        units = problem_file.units
         charts = None
         if panels is not None:
             if not {"plot", "report"} & targets.keys():
@@ -107,13 +106,13 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
-            summaries = [export.summary(step, units) for step in steps]
-            document |= summaries[0] if series is None else series.document(summaries, units)
+            summaries = [export.summary(step, problem_file.units) for step in steps]
+            document |= summaries[0] if series is None else series.document(summaries, problem_file.units)
         complete = _write_all(
             targets, problem_file, steps[-1], document,
             time_limit=options.get("time_limit"), panels=charts, series=series,
         )  # fmt: skip
-    lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
+    lines = report.result_lines(steps[0], problem_file.units) if series is None else series.lines(problem_file.units)
     return _print_answer(problem_file, as_json, document, lines, solved, complete)
 
 
