@@ -130,7 +130,8 @@ class Text(Kind):
 
     def check(self, name: str, value: Any) -> str:
         if not isinstance(value, str):
-            raise InputError(name, value, "give a text in quotes")
+            several = ": each name needs a table or condition of its own" if isinstance(value, list | tuple) else ""
+            raise InputError(name, value, f"give a text in quotes{several}")
         if self.name and (not value.strip() or not value.isprintable() or len(value) > _MAX_NAME):
             raise InputError(name, value, f"give a text of one line and at most {_MAX_NAME} characters")
         return value

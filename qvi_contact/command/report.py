@@ -64,10 +64,11 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         if line.has_fluid:
             effective = shown(line.effective_normal_force, result.rounding.force)
             yield f"contact {line.name}: effective normal force, without the pore pressure, {effective} {force}"
-    for name in result.plates:
+    for name, motion in result.plates.items():
         x, y, rotation, force_x, force_y, moment = cells(numbers[name], PLATE_COLUMNS, result.rounding)
-        yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {rotation} rad"
-        yield f"obstacle {name} pushes with ({force_x}, {force_y}) {force}, moment {moment} {units.moment}"
+        at = place_of(motion.centre)
+        yield f"obstacle {name} moves by ({x}, {y}) {units.displacement} at {at}, turns by {rotation} rad"
+        yield f"obstacle {name} pushes with ({force_x}, {force_y}) {force}, moment {moment} {units.moment} about {at}"
     place, forces = about_middle(result.problem, reactions(result))
     for name, resultant in forces.items():
         x, y, moment = cells(resultant, RESULTANT, result.rounding)
@@ -150,7 +151,7 @@ class Series(NamedTuple):
         largest = Rounding.largest(least for *_, least in records) if is_history else None
         kinds: Any = (
             ("contact", f"forces in {units.force}", OF_CONTACTS, ["normal", "tangential", f"peak [{units.stress}]"]),
-            ("obstacle", "its motion and its force on the body", PLATE_COLUMNS, plate_headings(units)),
+            ("obstacle", "its motion and its force on the body, at its pivot", PLATE_COLUMNS, plate_headings(units)),
         )
         for (kind, content, columns, labels), contact in product(kinds, self.results.steps[0].problem.contacts):
             if columns is PLATE_COLUMNS and contact.plate is None:

@@ -91,10 +91,13 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
     """Solve a problem, its history, or a sweep."""
     with _problem_file(file, given) as (problem_file, targets, options):
         problem_file, plan = _with_settings(problem_file, swept)
-        units = problem_file.units
-        charts = _chart_names(problem_file, panels)
-        if panels is not None and not {"plot", "report"} & targets.keys():
-            raise InputError("--panels", panels, "is for pictures: give --plot or --report too")
+        charts = None
+        if panels is not None:
+            if not {"plot", "report"} & targets.keys():
+                raise InputError("--panels", panels, "is for pictures: give --plot or --report too")
+            names = [contact.name for contact in problem_file.problem.contacts]  # a name may have a comma
+            asked = [panels] if panels in names else [part.strip() for part in panels.split(",") if panels != "none"]
+            charts = [known_name("--panels", name, {"contacts": names}) for name in asked]
         if _is_stored(problem_file, plan, given) and plan is not None:
             store_options = {name: given[name] for name in ("store", "workers", "dask") if given[name] is not None}
             sweep = _sweep(problem_file, plan, options, verbose, **store_options)
@@ -103,13 +106,13 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
-            summaries = [export.summary(step, units) for step in steps]
-            document |= summaries[0] if series is None else series.document(summaries, units)
+            summaries = [export.summary(step, problem_file.units) for step in steps]
+            document |= summaries[0] if series is None else series.document(summaries, problem_file.units)
         complete = _write_all(
             targets, problem_file, steps[-1], document,
             time_limit=options.get("time_limit"), panels=charts, series=series,
         )  # fmt: skip
-    lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
+    lines = report.result_lines(steps[0], problem_file.units) if series is None else series.lines(problem_file.units)
     return _print_answer(problem_file, as_json, document, lines, solved, complete)
 
 
@@ -490,15 +493,6 @@ def _files_of(option: str, path: str) -> tuple[str, ...]:
     """The files that an option writes; --vtk writes a second one, for contacts."""
     whole = Path(path)
     return (path, str(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"))) if option == "vtk" else (path,)
-
-
-def _chart_names(file: ProblemFile, panels: str | None) -> list[str] | None:
-    """The contacts that --panels names, an empty list for "none"; None if the picture chooses them."""
-    names = [contact.name for contact in file.problem.contacts]
-    if panels is None or panels in names:
-        return None if panels is None else [panels]
-    names_asked = [] if panels == "none" else [part.strip() for part in panels.split(",")]
-    return [known_name("--panels", name, {"contacts": names}) for name in names_asked]
 
 
 def _write_all(

@@ -24,6 +24,7 @@ from qvi_contact.basics.schema import LARGEST, Checked, Name, Positive
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts, circle
 from qvi_contact.mesh.edges import cross
+from qvi_contact.mesh.grid import graded_lines
 from qvi_contact.mesh.selection import crossing, in_circles, point
 from solvers.basics.foreign import foreign_code, handlers_kept
 from solvers.basics.types import load
@@ -55,7 +56,7 @@ class Corner(Checked):
     clockwise: bool = False
     """Whether the arc runs clockwise around its centre: `clockwise = true`."""
     size: Positive | None = None
-    """Size of the triangles at this corner, and along an arc that begins here [length]: `size = 0.02`."""
+    """Size of the triangles here; it changes evenly along the line to the next corner [length]: `size = 0.02`."""
 
     @classmethod
     def circle(cls, centre: Point, radius: float, name: str = "", size: float | None = None) -> tuple[Corner, Corner]:
@@ -169,17 +170,19 @@ def _polygon(name: str, line: Line, size: float, arcs: _Arcs, *, closed: bool) -
     corners += corners[:1] if closed else []
     corner_sizes = [corner.size or size for corner in corners]
     divisions = []
-    for corner, stop, corner_size in zip(corners, corners[1:], corner_sizes, strict=False):
+    for corner, stop, *end_sizes in zip(corners, corners[1:], corner_sizes, corner_sizes[1:], strict=False):
         # an arc that two lines have in common, as a joint and a region, is divided once: else needles would result
         key = corner.at, stop.at, corner.centre, corner.clockwise
         if len(arcs.get(key, ())) < least:
-            arcs[key] = _division(name, corner, stop, corner_size, least)
+            arcs[key] = _division(name, corner, stop, end_sizes, least)
             arcs[stop.at, corner.at, corner.centre, not corner.clockwise] = np.array([stop.at, *arcs[key][:0:-1]])
         divisions.append(arcs[key])
     counts = [len(points) for points in divisions]
     if closed and sum(counts) < 3:
         raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
-    points, sizes = np.concatenate([*divisions, [corners[-1].at]]), np.repeat(corner_sizes, [*counts, 1])
+    points = np.concatenate([*divisions, [corners[-1].at]])
+    steps = zip(corner_sizes, corner_sizes[1:], counts, strict=False)
+    sizes = np.array([*(a * (b / a) ** (k / n) for a, b, n in steps for k in range(n)), corner_sizes[-1]])
     names = np.repeat(np.array([corner.name for corner in corners[:-1]], dtype=object), counts)
     centres = np.array([(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[:-1]])
     ends, centres = np.arange(len(names))[:, None] + [0, 1], np.repeat(centres, counts, axis=0)
@@ -189,7 +192,7 @@ def _polygon(name: str, line: Line, size: float, arcs: _Arcs, *, closed: bool) -
     return Polygon(points[ends], names, sizes[ends], centres)
 
 
-def _division(name: str, corner: Corner, next_corner: Corner, size: float, least: int) -> FloatArray:
+def _division(name: str, corner: Corner, next_corner: Corner, sizes: Sequence[float], least: int) -> FloatArray:
     """The corner, and the points that divide an arc into `least` or more, without its end point; shape (n, 2)."""
     start, stop = np.array(corner.at), np.array(next_corner.at)
     if np.array_equal(start, stop):
@@ -203,13 +206,16 @@ def _division(name: str, corner: Corner, next_corner: Corner, size: float, least
         raise InputError(name, corner.centre, remedy)
     start_angle, end_angle = (float(np.arctan2(*(end - centre)[::-1])) for end in (start, stop))
     turn = (start_angle - end_angle if corner.clockwise else end_angle - start_angle) % (2.0 * np.pi)
-    chords = np.ceil(max(turn * radius / size, turn / _MAX_CHORD_ANGLE) - 1e-9)  # may be infinite
+    first, last = (min(size, radius * _MAX_CHORD_ANGLE) for size in sizes)
+    mean_size = first if first == last else (last - first) / np.log1p((last - first) / first)
+    chords = np.ceil(turn * radius / mean_size - 1e-9)  # may be infinite
     if chords > _MAX_LINES:
-        raise InputError(name, size, f"would divide this arc into {chords:g} chords, at most {_MAX_LINES}: give more")
+        raise InputError(name, min(sizes), f"makes {chords:g} chords of this arc, at most {_MAX_LINES}: give more")
     if chords < 1.0:
         raise InputError(name, corner.centre, "is too far from this arc: leave the centre out, the line is straight")
     count = max(int(chords), least)
-    angles = start_angle + (-1.0 if corner.clockwise else 1.0) * turn * np.arange(count) / count
+    shares = graded_lines(0.0, 1.0, count, (last / first) ** (1.0 / count))[:-1]  # sizes are linear in the length
+    angles = start_angle + (-1.0 if corner.clockwise else 1.0) * turn * shares
     points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     points[0] = start
     return points

@@ -53,7 +53,7 @@ _SPACING: Final = 0.032  # spacing of the arrows of pressure
 _LONGEST: Final = 0.2  # arrow of the largest resultant
 _LEAST: Final = 0.02  # stresses and forces below this share of the largest are not drawn
 _LABELLED: Final = 8  # up to so many contact lines have arrows and numbers; of more lines, only obstacles have numbers
-_NOTHING: Final = 1e-6  # pressures below this share of the largest stress in the body count as zero
+NOTHING: Final = 1e-6  # tractions below this share of the largest stress in the body count as zero
 _CENTRAL: Final = 0.005  # eccentricities below this share of the contact line are not written
 _DEEP: Final = 0.002  # overlap of bodies that the eye does not see
 _HATCH: Final = 0.016  # spacing and size of the hatching of obstacles
@@ -223,7 +223,7 @@ class LineTractions:
     def eccentricity(self) -> float:
         """Distance of the centre of pressure from the middle of a straight line [length]; 0 on other lines."""
         share = self.weights * self.pressure
-        if self.turns or share.sum() <= _NOTHING * np.abs(share).sum():
+        if self.turns or share.sum() <= NOTHING * np.abs(share).sum():
             return 0.0
         return abs(float(share @ self.s / share.sum() - (self.s[0] + self.s[-1]) / 2.0))
 
@@ -327,7 +327,7 @@ def draw_body(axes: "Axes", result: ContactResult, units: Units | None = None, s
     # scales of the tractions, and their ranges for the legend
     pressure = max((float(np.abs(line.pressure).max()) for line in lines), default=0.0)
     friction = max((float(np.abs(line.shear).max()) for line in lines), default=0.0)
-    if pressure <= max(_NOTHING * largest, result.rounding.stress):
+    if pressure <= max(NOTHING * largest, result.rounding.stress):
         pressure, friction, lines = 0.0, 0.0, []
     height = _HEIGHT * length
     if result.problem.joints:

@@ -16,7 +16,7 @@ from qvi_contact.mechanism import Mechanism
 from qvi_contact.mesh.edges import Edges, cross, turned
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
-from qvi_contact.plots.body import Scales, draw_body
+from qvi_contact.plots.body import NOTHING, Scales, draw_body
 from qvi_contact.plots.problem import draw_problem, draw_symbols
 from qvi_contact.plots.style import Labels, beside, lines
 from qvi_contact.plots.tractions import contact_tractions
@@ -79,10 +79,10 @@ def result_figure(
             body.plot([], [], " ", label=f"{_body_force(result.problem)} body force".strip())
         style.legend_below(body, [body], 3)
         for chart, name in zip(charts, panels, strict=True):
-            contact_tractions(chart, result.contacts[name], units)
-            if drawn.pressure == 0.0:
-                most = float(np.abs(result.gauss_stress()[2]).max())
-                chart.set_ylim(0.0, most if most > result.rounding.stress else 1.0)  # rather than rounding
+            line, top = result.contacts[name], float(np.abs(result.gauss_stress()[2]).max())
+            contact_tractions(chart, line, units)
+            if np.hypot(line.normal_stress, line.tangential_stress).max() <= max(NOTHING * top, result.rounding.stress):
+                chart.set_ylim(0.0, top if top > result.rounding.stress else 1.0)  # rather than rounding
             if len(names) > 1:
                 chart.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:

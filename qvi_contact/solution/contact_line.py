@@ -91,7 +91,7 @@ class ContactLine(WithFields):
     the end of a contact zone."""
     slip: FloatArray
     """u_T − w (m,) [length] along the same tangent, opposite in sign to σ_T, and zero at sticking points, up to the
-    error of the mesh."""
+    error of the mesh. In a history the slip of the step; `History.slip` adds up the steps."""
     state: IntArray
     """`ContactState` (m,): 0 open, 1 stick, 2 slip, without friction 3 closed; see `contact_states` for the rule."""
     ends: FloatArray

@@ -45,17 +45,18 @@ class TestPolygons:
     """What is done before gmsh is called."""
 
     @pytest.mark.parametrize("clockwise", [False, True])
-    @pytest.mark.parametrize("size", [0.5, 0.1, 10.0])
-    def test_points_of_an_arc_lie_on_its_circle(self, clockwise, size):
-        start, stop = Corner((1.0, 0.0), "arc", (0.0, 0.0), clockwise), (0.0, 1.0)
+    @pytest.mark.parametrize(("size", "last"), [(0.5, 0.5), (0.1, 0.1), (10.0, 10.0), (0.3, 0.02), (0.02, 0.3)])
+    def test_points_of_an_arc_lie_on_its_circle(self, clockwise, size, last):
+        start, stop = Corner((1.0, 0.0), "arc", (0.0, 0.0), clockwise), Corner((0.0, 1.0), size=last)
         line = polygons([start, stop, (-3.0, -3.0)] if not clockwise else [start, stop, (3.0, 3.0)], size).boundary[0]
         chords = [piece for piece, name in zip(line.pieces, line.names, strict=True) if name == "arc"]
-        turn = 1.5 * np.pi if clockwise else 0.5 * np.pi
         assert np.hypot(*np.array(chords).reshape(-1, 2).T) == pytest.approx(1.0)
-        lengths = np.hypot(*np.diff(chords, axis=1)[:, 0].T)
-        assert lengths == pytest.approx(lengths[0])
-        assert lengths[0] <= min(size, np.pi / 6.0)
-        assert 2.0 * np.arcsin(lengths / 2.0).sum() == pytest.approx(turn)
+        angles = 2.0 * np.arcsin(np.hypot(*np.diff(chords, axis=1)[:, 0].T) / 2.0)
+        size, last = (last, size) if clockwise else (size, last)  # lines of the boundary run counterclockwise
+        assert angles.sum() == pytest.approx((1.5 if clockwise else 0.5) * np.pi)
+        assert angles[1:] / angles[:-1] == pytest.approx((last / size) ** (1.0 / len(angles)))
+        assert angles.max() <= min(max(size, last), np.pi / 6.0) * (1.0 + 1e-12)
+        assert line.sizes[line.names == "arc", 0] == pytest.approx(np.geomspace(size, last, len(angles) + 1)[:-1])
 
     @settings(max_examples=examples(20), derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
     @given(st.lists(st.floats(0.3, 3.0), min_size=3, max_size=9), st.floats(-1e3, 1e3), st.booleans(), st.data())

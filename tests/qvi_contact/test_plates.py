@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh, solve
+from qvi_contact.command import result_lines
 from qvi_contact.discretization import discretize
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
+from qvi_contact.units import Units
 from solvers import Status, certify
 from tests.cases import every_pair, refused_at, thinned
 from tests.qvi_contact.builders import difference, solved
@@ -68,8 +70,7 @@ def test_force_and_displacement_give_one_state(law, side, driven):
     """Displacement → forces → plate with those forces → the same motion and the same stresses."""
     law, driven = CONTACTS[law], DRIVEN[driven]
     *_, sign, normal = SIDES[side]
-    tangential = "x" if normal == "y" else "y"
-    pivot = (0.7, -0.3)
+    tangential, pivot = "x" if normal == "y" else "y", (0.7, -0.3)
     components = [f"force_{normal}" if name == "normal" else name for name in driven]
     motion = {"force_x": ("x", 0.0), "force_y": ("y", 0.0), "moment": ("rotation", 4e-4)}
     wanted = {f"force_{normal}": -8e-3 * sign, f"force_{tangential}": 5e-3, "moment": 4e-4}
@@ -82,15 +83,14 @@ def test_force_and_displacement_give_one_state(law, side, driven):
     plate = RigidPlate(**{name: given[name] for name in components}, pivot=pivot)
     result = solved(pushed(side, replace(base, plate=plate)))
     assert difference(expected, result) < 1e-6
-    found = result.plates["plate"]
-    for name in ("x", "y", "rotation"):
-        assert getattr(found, name) == pytest.approx(imposed.get(name, 0.0), rel=1e-5, abs=1e-8)
+    found, names = result.plates["plate"], ("x", "y", "rotation")
+    wanted = [imposed.get(name, 0.0) for name in names]
+    assert [getattr(found, name) for name in names] == pytest.approx(wanted, rel=1e-5, abs=1e-8)
+    assert sum("t (0.7, -0.3)" in line for line in result_lines(result, Units())) == 2  # motion at, moment about it
     ours, theirs = expected.contacts["plate"], result.contacts["plate"]
-    if law.get("law") == "tied":
-        return
-    # gap and slip are relative to the plate as it is
-    assert theirs.gap == pytest.approx(ours.gap, abs=1e-6)
-    assert theirs.slip == pytest.approx(ours.slip, abs=1e-6)
+    if law.get("law") != "tied":  # gap and slip are relative to the plate as it is
+        assert theirs.gap == pytest.approx(ours.gap, abs=1e-6)
+        assert theirs.slip == pytest.approx(ours.slip, abs=1e-6)
 
 
 def column(plate, friction=0.0, material=STEEL, scale=1.0):

@@ -197,7 +197,7 @@ def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     tables = [
         contacts_table(list(result.contacts.values()), units),
         ("Resultants of the tractions on the body", ["edges", *about], resultants),
-        ("Rigid plates and pins", ["contact", *report.plate_headings(units)], plates),
+        ("Rigid plates and pins, at their pivots", ["contact", *report.plate_headings(units)], plates),
     ]
     return [table for table in tables if table[2]]
 
