@@ -64,10 +64,11 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         if line.has_fluid:
             effective = shown(line.effective_normal_force, result.rounding.force)
             yield f"contact {line.name}: effective normal force, without the pore pressure, {effective} {force}"
-    for name in result.plates:
-        x, y, rotation, force_x, force_y, moment = cells(numbers[name], PLATE_COLUMNS, result.rounding)
-        yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {rotation} rad"
-        yield f"obstacle {name} pushes with ({force_x}, {force_y}) {force}, moment {moment} {units.moment}"
+    for name, motion in result.plates.items():
+        x, y, turn, *push, moment = cells(numbers[name], PLATE_COLUMNS, result.rounding)
+        about = f"{moment} {units.moment} about {place_of(motion.centre)}"
+        yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turn} rad"
+        yield f"obstacle {name} pushes with ({', '.join(push)}) {force}, moment {about}"
     place, forces = about_middle(result.problem, reactions(result))
     for name, resultant in forces.items():
         x, y, moment = cells(resultant, RESULTANT, result.rounding)
