@@ -35,11 +35,9 @@ QUICK = {"qvi-contact": set(qvi_contact.commands), "python -m comparisons": {"ex
 DRAWN = ("--plot", "--report")  # pictures and pages have tests of their own, and take longest
 ELSEWHERE = ("python -m pip", "python -m venv", "python -m pytest", "python -m sphinx", ". .venv", "sqlite3")
 
-PACKAGES = (
-    "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.paper",
-    "qvi_contact.plots", "qvi_contact.refinement", "qvi_contact.gallery", "solvers", "comparisons.exchange",
-    "solvers.factorisation",
-)  # fmt: skip
+ROOMS = "bracket", "companion", "gallery", "mechanism", "paper", "plots", "refinement"
+OTHERS = "qvi_contact", "solvers", "solvers.factorisation", "comparisons.exchange"
+PACKAGES = (*OTHERS, *(f"qvi_contact.{room}" for room in ROOMS))
 INTERNAL = {"CompanionState", "Exhibit"}
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")

@@ -243,11 +243,10 @@ def check() -> None:
 def bracket() -> None:
     """Bound energy and forces from both sides.
 
-    The problem in FILE is solved by stresses and by displacements, which bounds the error of the answer. The stress
-    model gives a lower bound of the energy, a displacement model on the same mesh an upper bound. The error of the
-    stresses and the forces of contacts are bounded too. The bounds are guaranteed for straight contacts without Coulomb
-    friction. With Coulomb friction they are guaranteed or estimated, whatever sticks, slips or opens. The output gives
-    every reason why bounds are not guaranteed.
+    The problem in FILE is solved by stresses, for a lower bound of the energy, and by displacements on the same mesh,
+    for an upper bound. Both together bound the error of the stresses and the forces of contacts. The bounds are
+    guaranteed for straight contacts without Coulomb friction. With Coulomb friction they are guaranteed or estimated,
+    whatever sticks, slips or opens. The output gives every reason why bounds are not guaranteed.
 
     \b
     Examples:
@@ -270,12 +269,11 @@ def bracket() -> None:
 def refine() -> None:
     """Refine the mesh until a number is as accurate as you ask.
 
-    The first mesh is the one in the file: make it coarse. Each round solves the problem, computes the error of the
-    quantity, and divides the cells that contribute most to it. The table has a row for each round: unknowns, value, and
-    relative error. The error is a guaranteed bound or an estimate. Without Coulomb friction it is a bound for the
-    energy, and for the force of the only prescribed displacement. With --guaranteed it is a bound for the force of any
-    contact, also with Coulomb friction, where such a bound is proved; this takes more unknowns. The files written are
-    those of "qvi-contact solve", for the answer on the last mesh.
+    The first mesh is the one in the file: make it coarse. Each round solves the problem, prints unknowns, value and
+    relative error of the quantity, and divides the cells that contribute most to the error. The error is an estimate.
+    Without Coulomb friction it is a guaranteed bound for the energy, and for the force of the only prescribed
+    displacement. With --guaranteed it is a bound for the force of any contact, also with Coulomb friction, where one is
+    proved; this takes more unknowns. The files written are those of "qvi-contact solve", for the last mesh.
 
     Options override [refine] and [solve] in the file. After --time-limit seconds the answer is that of the last round
     done in time. The energy bounds on the page of --report take one more solve.

@@ -38,7 +38,7 @@ from solvers.factorisation.choice import factorise
 
 
 def load_points(degree: int) -> int:
-    """Gauss points an edge and direction for the work of data: exact for data up to degree 19 − p."""
+    """Gauss points per edge and direction for the work of data: exact for data up to degree 19 − p."""
     return max(10, degree + 6)
 
 

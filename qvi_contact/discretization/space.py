@@ -262,7 +262,7 @@ class StressSpace(PicklesFields):
         return length / self.mesh.length
 
     def traces(self, edges: Edges) -> Functionals:
-        """Legendre coefficients of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals an edge.
+        """Legendre coefficients of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals per edge.
 
         They are N_0, N_1, N_2 …, then Q_0, Q_1 … times −n·m. On straight edges each is one of the `resultants`.
         """
@@ -291,7 +291,7 @@ class StressSpace(PicklesFields):
         return WeakKeyDictionary()
 
     def resultants(self, edges: Edges) -> Functionals:
-        """∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_2 …, Q_1 …: 2p − 2 rows an edge, all that tractions fix."""
+        """∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_2 …, Q_1 …: 2p − 2 rows per edge, all that tractions fix."""
         if (edges.cells[:, 1] >= 0).any():
             return self._resultants(edges)
         return self._on_boundary.take(self.mesh.topology.outer.searchsorted(edges.number))
