@@ -188,17 +188,17 @@ def write_vtu(
     """Write stresses as an unstructured VTK grid, which ParaView opens; needs the extra ``vtk`` (meshio).
 
     Each of the three parts of a cell is divided into subdivisions² triangles, in which fields are linear. Cells share
-    no points, so that normal stresses may jump between cells as they do in the element. `InputError` if meshio is
+    no points, so that stresses along an edge may jump across it, as in the element. `InputError` if meshio is
     missing, there is no stress state, the bracket belongs to another mesh or has no displacement, the suffix is not
     .vtu, or the file cannot be written.
 
     With units, names of fields end with them, as in "stress [MPa]". With the bracket of the result, ``result.bracket``,
     displacements and the error of each cell are written too.
 
-    Point data: "stress" with the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors (zz = ν(xx + yy) in plane
-    strain), "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function (left out
-    if a hole carries a force, as it has several values then); with a bracket "displacement", x, y, 0, of the
-    displacement model. Cell data: "material", 0 for the body's own material or the number of the region, counted from
+    Point data: "stress" with the components xx, yy, zz, xy, yz, xz of VTK's symmetric tensors (zz = 0 in plane stress),
+    "von Mises", "principal 1" ≥ "principal 2" in the plane, "Airy function" up to an affine function (left out if a
+    hole carries a force, as it has several values then); with a bracket "displacement", x, y, 0, of the displacement
+    model. Cell data: "material", 0 for the body's own material or the number of the region, counted from
     1, "cell", the number of the mesh's cell; with a bracket "energy gap", the contribution of the whole cell to the
     difference between the bounds of the energy.
     """

@@ -24,7 +24,7 @@ Stress = Callable[[FloatArray, FloatArray], FloatArray]
 """σ_xx, σ_yy, σ_xy (…, 3) at points x, y (…)."""
 
 _MEASURED: Final = 0.3  # an ellipse is fitted to pressures above this share of the peak
-_POINTS: Final = 12  # Gauss points an edge, exact for tractions of triangles
+_POINTS: Final = 12  # Gauss points per edge, exact for tractions of triangles
 
 
 def plate_under(contact: Contact, cells: int, grading: float = 1.0) -> ContactProblem:

@@ -343,9 +343,9 @@ def _assemble(
     if is_curved:
         rest = rest_on_arcs(discretization, u).max()
         found.append(
-            f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
-            f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
-            "of the energy."
+            f"On arcs stress and displacement meet their conditions on average over an edge. At points the stress "
+            f"differs from its tractions by up to {rest:.2g} [stress]. The bounds neglect the work of such "
+            f"differences, here {balance:.1e} of the energy."
         )
     if lower - upper > _CROSSED * reference:
         found.append(f"The bounds contradict each other by {(lower - upper) / reference:.1e} of the strain energy.")

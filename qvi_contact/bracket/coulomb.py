@@ -179,7 +179,7 @@ class CoulombBounds(WithFields):
         if self.relative_error > 1.0:
             error = "the error of the stresses may be as large as they are. Refine the mesh."
         if self.size == np.sqrt(2.0 * reference_energy(self.stress, 0.0)):
-            error = "no stresses but rounding."
+            error = "the stresses are rounding."
         scope = f"It holds for solutions{self.scope}, as {self.norm.stopped[0].energies.cause}." if self.scope else ""
         bound = f"{self.kind.capitalize()} bound under friction: {error}"
         likely = "" if self.likely is None else f"An estimate is {100.0 * self.likely.relative_error:.2g} %."
@@ -219,7 +219,7 @@ def coulomb_bounds(
     state = companion.state
     rounding = _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
     if (_opening(state, shares) < -rounding).any():
-        return "No displacement was found that is far enough from an obstacle where it may slip either way."
+        return "No displacement was found that is as far from an obstacle as the bound needs where contact is open."
     # ½ρ² by cell, with springs, and δ by contact edge
     fields, earlier = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, tractions, tractions.bound, companion)

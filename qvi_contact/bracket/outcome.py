@@ -185,7 +185,7 @@ class Bracket(WithFields):
             bounds = "no bound of the energy"
         error = ", a duality gap larger than the strain energy" if self._reference < self.gap < np.inf else ""
         if self._reference != self.strain:
-            error = ", no stresses but rounding"
+            error = ", the stresses are rounding"
         elif self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{subject} {self.kind.value}: {bounds}{error}."

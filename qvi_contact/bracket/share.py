@@ -195,7 +195,7 @@ def outside_scope(problem: ContactProblem) -> str:
     for contact in filter(has_coulomb, problem.contacts):
         name = repr(contact.name)
         if contact.law != "unilateral":
-            return f"Bounds under friction are for contacts that may open: {name} keeps its distance."
+            return f"Bounds under friction are for contacts that may open: {name} is bilateral."
         if callable(contact.friction) or callable(contact.cohesion):
             return f"Bounds under friction need constant friction and cohesion: those of {name} vary."
         if contact.shear_limit is not None:

@@ -169,14 +169,15 @@ def solve() -> None:
 
     The peak of a contact is the largest pressure at its points; at sharp corners it grows on finer meshes.
 
-    Options override [solve] in the file. After --time-limit seconds the result is the best state, status time_limit.
+    Options override [solve] in the file. After --time-limit seconds the best state found has the status time_limit.
 
-    A file with a [history] is solved step by step. The picture shows forces and loops, other files the last step. With
-    --store each step is kept as soon as it is done.
+    A file with a [history] is solved step by step. The picture shows the forces of all steps, the other files have the
+    last step. With --store each step is written to a folder as soon as it is solved.
 
-    --set, or a [sweep] in the file, solves for several values; files are written for the last one. A single value of a
-    constant replaces that in the file, also together with a history or another --set. For thousands of values give
-    --store: each value becomes a row of forces and states as soon as it is done. --workers or --dask work in parallel.
+    --set, or a [sweep] in the file, solves for several values; the files written have the last one. A single value of a
+    constant replaces the constant in the file, also together with a history or another --set. For thousands of values
+    give --store: each value becomes a row of forces and states as soon as it is solved. With --workers or --dask
+    several processes share the values.
 
     --report writes one page. The energy bounds on it, and the displacements in the file of --vtk, need a second solve
     by displacement elements, which takes at most --time-limit seconds. The bounds of a load step hold for that step
@@ -242,12 +243,10 @@ def check() -> None:
 def bracket() -> None:
     """Bound energy and forces from both sides.
 
-    The problem in FILE is solved by stresses and by displacements, which bounds the error of the answer. The stress
-    model gives a lower bound of the energy, a displacement model on the same mesh an upper bound. The bounds are
-    guaranteed for straight contacts without Coulomb friction. If one prescribed displacement drives the problem, its
-    force is bounded too. With Coulomb friction the error of the stresses and the forces of contacts are bounded,
-    whatever sticks, slips or opens; the bounds are guaranteed or estimated. The output gives every reason why bounds
-    are not guaranteed.
+    The problem in FILE is solved by stresses, for a lower bound of the energy, and by displacements on the same mesh,
+    for an upper bound. Both together bound the error of the stresses and the forces of contacts. The bounds are
+    guaranteed for straight contacts without Coulomb friction. With Coulomb friction they are guaranteed or estimated,
+    whatever sticks, slips or opens. The output gives every reason why bounds are not guaranteed.
 
     \b
     Examples:
@@ -261,7 +260,7 @@ def bracket() -> None:
     click.option(
         "--guaranteed/--estimated",
         default=None,
-        help="Force of a contact with friction: refine until guaranteed bounds, or an estimate, meet the target.  "
+        help="For the force of a contact: refine until guaranteed bounds, or an estimate, are within the target.  "
         "[default: estimated]",
     ),
     _option("degree", "Degree of the element, 3 to 11; 5 by default."),
@@ -270,12 +269,11 @@ def bracket() -> None:
 def refine() -> None:
     """Refine the mesh until a number is as accurate as you ask.
 
-    The first mesh is the one in the file: make it coarse. Each round solves the problem, computes the error of the
-    quantity, and divides the cells that contribute most to it. The table has a row for each round: unknowns, value, and
-    relative error. The error is a guaranteed bound or an estimate. It is a bound if no contact has Coulomb friction,
-    for the energy, and for the force of a contact that one prescribed displacement drives. With --guaranteed the force
-    of a contact with Coulomb friction is bounded too, which takes more unknowns. The files written are those of
-    "qvi-contact solve", for the answer on the last mesh.
+    The first mesh is the one in the file: make it coarse. Each round solves the problem, prints unknowns, value and
+    relative error of the quantity, and divides the cells that contribute most to the error. The error is an estimate.
+    Without Coulomb friction it is a guaranteed bound for the energy, and for the force of the only prescribed
+    displacement. With --guaranteed it is a bound for the force of any contact, also with Coulomb friction, where one is
+    proved; this takes more unknowns. The files written are those of "qvi-contact solve", for the last mesh.
 
     Options override [refine] and [solve] in the file. After --time-limit seconds the answer is that of the last round
     done in time. The energy bounds on the page of --report take one more solve.

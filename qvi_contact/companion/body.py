@@ -34,7 +34,7 @@ from solvers.factorisation.base import Factorisation
 from solvers.factorisation.choice import factorise
 
 LOAD_POINTS: Final = 11
-"""Gauss points an edge and direction for the work of data on displacements: exact for data up to degree 16."""
+"""Gauss points per edge and direction for the work of data on displacements: exact for data up to degree 16."""
 
 _QUADRATURE = 1e-11  # relative difference of two quadratures up to which it is rounding
 _ON_ARCS = 6  # additional Gauss points where cells have arcs

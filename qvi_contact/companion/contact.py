@@ -528,7 +528,7 @@ def admissible(
     place = trace.space.mesh.origin + trace.scales.length * trace.places[number - trace.start]
     condition = "the slip condition" if half else "the obstacle"
     where = f"{condition} of {trace.name!r} at {place_of(place)}"
-    cause = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
+    cause = "Prescribed displacements" + (", or the stick demanded at kinks," if (slipping == 0.0).any() else "")
     return v, c, f"{cause} contradict {where}, by {worst:.1e} of their size."
 
 

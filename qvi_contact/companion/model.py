@@ -298,7 +298,7 @@ def solve_companion(
     time_limit : float, optional
         Seconds for the contact forces.
     verbose : bool
-        Print a header, a line an iteration, and a footer with status and times.
+        Print a header, a line per iteration, and a footer with status and times.
 
     Raises
     ------

@@ -411,7 +411,7 @@ def supports(
             )
         rows = components_along(edges, direction, p, turns=given.turns)
         if bent.any():
-            reasons.append(f"{given.name} holds on arcs as closely as polynomials of degree {p} follow its directions.")
+            reasons.append(f"On arcs {given.name} holds approximately, as polynomials of degree {p} follow them.")
         dofs = np.broadcast_to(2 * numbers[:, None, :, None] + np.arange(2), rows.shape)
         columns.append(dofs.reshape(-1, width))
         entries.append(rows.reshape(-1, 1, width))

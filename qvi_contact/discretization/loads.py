@@ -22,7 +22,7 @@ from qvi_contact.problem.material import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem, Prescribed
 
 LOAD_POINTS = 8
-"""Gauss points an edge for data given as functions, exact up to degree 15; tractions have them on parts of edges."""
+"""Gauss points per edge for data given as functions, exact up to degree 15; tractions have them on parts of edges."""
 
 _ROUNDING = 1e-9  # difference from a polynomial over the largest value, up to which it is rounding
 _SAMPLES: FloatArray = np.linspace(0.0, 1.0, 9)  # places on an edge where a contact law is sampled

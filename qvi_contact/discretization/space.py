@@ -261,7 +261,7 @@ class StressSpace(PicklesFields):
         return length / self.mesh.length
 
     def traces(self, edges: Edges) -> Functionals:
-        """Legendre coefficients of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals an edge.
+        """Legendre coefficients of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals per edge.
 
         They are N_0, N_1, N_2 …, then Q_0, Q_1 … times −n·m. On straight edges each is one of the `resultants`.
         """
@@ -286,7 +286,7 @@ class StressSpace(PicklesFields):
         return WeakKeyDictionary()
 
     def resultants(self, edges: Edges) -> Functionals:
-        """∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_2 …, Q_1 …: 2p − 2 rows an edge, all that tractions fix.
+        """∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_2 …, Q_1 …: 2p − 2 rows per edge, all that tractions fix.
 
         Columns are six at the ends, N_2 … N_(p−2), Q_1 … Q_(p−2), and those of the frames where there are any. Odd
         coefficients change their sign where the tangent runs from the larger vertex number to the smaller.

@@ -127,9 +127,12 @@ class ConicProgram:
             settings.static_regularization_constant = regularisation
             settings.time_limit = max(deadline.left, _LEAST_TIME)
             answer = clarabel.DefaultSolver(*data, settings).solve()
-            if str(answer.status).endswith("DualInfeasible") and self.falls:
-                return UNBOUNDED
-            if not str(answer.status).endswith(("NumericalError", "InsufficientProgress", "DualInfeasible")):
+            if str(answer.status).endswith("DualInfeasible"):
+                if self.falls:
+                    return UNBOUNDED
+                settings.tol_infeas_rel = settings.reduced_tol_infeas_rel = 1e-300  # never: it would stop too early
+                answer = clarabel.DefaultSolver(*data, settings).solve()
+            if not str(answer.status).endswith(("NumericalError", "InsufficientProgress")):
                 break
             failed.append(answer)
         else:

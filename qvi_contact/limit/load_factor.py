@@ -37,8 +37,8 @@ _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretized; its d
 _FOLLOWED = 1e-9  # relative misfit of a body force up to which stresses follow it exactly
 _MET: Final = 1e-5  # of 1 + |upper|: a lower side above the upper one by less is rounding, of small loads
 _NO_FLOW: Final = (
-    "no velocities of this mesh bound the factor, as beside held edges where volumes must grow: there may be a limit. "
-    "A contact in place of the held edge, with friction tan(phi) and cohesion c of the material, lets it slip there"
+    "no velocities of this mesh give an upper bound, as where a flow that increases its volume meets a held edge: "
+    "there may be one. Put a contact in place of that edge, with friction tan(phi) and cohesion c of the material"
 )
 _FARTHEST: Final = math.log(1e4)  # larger factors of strength count as infinite, below the inverse as zero
 _STEP: Final = math.log(2.0)  # between the factors of strength that are tried first

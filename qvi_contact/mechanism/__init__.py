@@ -1,7 +1,7 @@
 """Proofs for the body, not for a mesh: which loads no stress at all can carry.
 
 Elastic blocks in contact carry every load that rigid blocks would carry, as only the contacts limit tractions. So the
-rigid motions decide, three numbers a block. They are found by a small linear program that does not depend on the mesh.
+rigid motions decide, three numbers per block. A small linear program finds them, whatever the mesh.
 
 | module      | contents                                               |
 |-------------|--------------------------------------------------------|

@@ -130,7 +130,7 @@ def whole_edges(problem: ContactProblem) -> Edges:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """The work of one load on rigid motions, a unit of thickness."""
+    """The work of one load on rigid motions, per unit of thickness."""
 
     row: FloatArray  # (3 k,): resultant forces on all bodies, and moments over r_k [stress × length]
     # the integral of the load's magnitude, a bound of its work on motions of size 1 [stress × length]

@@ -346,7 +346,7 @@ def draw_body(axes: "Axes", result: ContactResult, units: Units | None = None, s
         outer = _tractions(axes, line, pressure_scale, friction_scale, spacing, label)
         extent.append(outer)
         labels.drawn += [line.place + share * (outer - line.place) for share in (0.0, 0.3, 0.6, 0.9)]
-    if friction > 0.0 and friction_text != "0":
+    if is_few and friction > 0.0 and friction_text != "0":
         look: dict[str, Any] = {"color": "black", "linewidth": 0.9, "marker": ">", "markersize": 3}
         axes.plot([], [], label=f"friction, up to {friction_text} {units.stress}", **look)
     _thrust(axes, lines)

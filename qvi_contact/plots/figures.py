@@ -318,7 +318,8 @@ def history_figure(
         left_out = {"loops": list(loops)[_LOOPS:], "forces": list(forces)[_LOOPS:]}
         notes = [f"not shown: {what} of {', '.join(names)}" for what, names in left_out.items() if names]
         width = int(_LETTERS * (3.8 + right_width))
-        heading = "\n".join(textwrap.fill(text, width) for text in (title, history.message, *notes) if text)
+        texts = (title, f"{history.message}; squares: the first step", *notes)
+        heading = "\n".join(textwrap.fill(text, width) for text in texts if text)
         figure.suptitle(style.plain_text(heading), x=0.02, ha="left", fontsize="medium")
         box = picture.box
         for _ in range(_PASSES):
@@ -372,10 +373,9 @@ def _draw_forces(axes: "Axes", name: str, forces: list[tuple[float, float]], tim
     looks = (("N", style.GREY, "s", "-"), ("T", style.BLUE, "o", "--"))
     for (label, colour, marker, dashes), values in zip(looks, np.array(forces).T, strict=True):
         axes.plot(place, values, dashes, color=colour, marker=marker, markersize=3, linewidth=1.0, label=label)
-        if times is not None:
-            axes.plot(place[:1], values[:1], **_FIRST)
+        axes.plot(place[:1], values[:1], **_FIRST)
     axes.set_title(f"{name}: forces", fontsize="medium")
-    axes.set_xlabel("step [-]" if times is None else "t")
+    axes.set_xlabel("step" if times is None else "t")
     axes.locator_params(axis="x", integer=times is None)
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.2 * (high - low))  # with room for the legend

@@ -116,7 +116,7 @@ def edge_lines(mesh: TriangleMesh, edges: Edges) -> FloatArray:
 def draw_grid(axes: "Axes", mesh: TriangleMesh) -> None:
     """Draw the edges between cells in light grey; small cells have thinner lines."""
     box, (across, up) = axes.get_window_extent(), np.ptp(mesh.vertices, axis=0).tolist()
-    points = 72.0 / axes.figure.dpi * min(box.width / across, box.height / up)  # printer's points a unit of length
+    points = 72.0 / axes.figure.dpi * min(box.width / across, box.height / up)  # printer's points per unit of length
     median = np.median(np.concatenate([mesh.interior.length, mesh.boundary.length]))
     width = float(np.clip(0.05 * median * points, 0.1, 0.6))
     axes.add_collection(lines(edge_lines(mesh, mesh.interior), "#cccccc", "solid", width))

@@ -39,7 +39,7 @@ _SLANTED: Final = 1e-9  # slope of an edge above which it is neither horizontal 
 
 
 def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = None) -> None:
-    """Draw pressure, friction bound and |σ_T| along a contact, and hatch its open, stick and slip parts.
+    """Draw pressure along a contact, with friction its bound and |σ_T|, and hatch its open, stick and slip parts.
 
     A negative pressure is tension, which bilateral and tied contacts can carry. With a fluid in the contact there are
     three pressures: the total one, that of the fluid, and the effective one, on which friction depends.
@@ -48,14 +48,13 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
     (pieces, label), mark = pieces_along(line), "'" if line.has_fluid else ""
     effective, limit = line.effective_normal_stress, line.friction_bound
     is_coulomb = np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0)
-    curves = [
-        (f"{'effective ' if mark else ''}pressure $-\\sigma_N{mark}$", -effective, _PRESSURE),
-        (f"bound $\\mu|\\sigma_N{mark}|$" if is_coulomb else "friction bound", limit, _BOUND),
-    ]
+    curves = [(f"{'effective ' if mark else ''}pressure $-\\sigma_N{mark}$", -effective, _PRESSURE)]
     if line.has_fluid:
         curves.append(("pressure $-\\sigma_N$", -line.normal_stress, _TOTAL))
         curves.append(("fluid $p_w$", line.pore_pressure, _FLUID))
-    curves.append(("friction $|\\sigma_T|$", np.abs(line.tangential_stress), _TANGENTIAL))
+    if not line.frictionless:
+        curves.append((f"bound $\\mu|\\sigma_N{mark}|$" if is_coulomb else "friction bound", limit, _BOUND))
+        curves.append(("friction $|\\sigma_T|$", np.abs(line.tangential_stress), _TANGENTIAL))
     _draw_states(axes, pieces, line)
     lowest, step = 0.0, -(-len(line.x) // _MARKERS)
     for name, values, look in (curve for curve in curves if np.isfinite(curve[1]).all()):  # tied: infinite bound

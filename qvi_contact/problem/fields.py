@@ -287,7 +287,7 @@ class PointData(WithFields):
         data = file.point_data[known_name("data", name, {"point data": file.point_data})]
         cells = triangles_of(file.points[:, :2], corners_of(file.cells))[0]
         if not len(cells) or np.ndim(data) != 1:
-            raise InputError("file", str(path), f"needs triangles, and one number a point as {name!r}")
+            raise InputError("file", str(path), f"needs triangles, and one number per point as {name!r}")
         mesh = MeshParts(file.points[:, :2], cells).without_others()
         return cls(TriangleMesh(*mesh.given), np.asarray(data, dtype=float)[np.unique(cells)])
 

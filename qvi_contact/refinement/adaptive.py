@@ -238,7 +238,7 @@ def refine(
     callback : callable, optional
         Called with the record of each round.
     verbose : bool
-        Print a header, a line a round, and a footer with status and time.
+        Print a header, a line per round, and a footer with status and time.
     **options
         Fields of `Settings` and options of the method; ``degree`` is 5 by default, at most 11. For a limit load only
         ``degree``, 4 by default.

@@ -578,7 +578,7 @@ class LimitStrategy:
 
 
 def _edge_gaps(answer: LimitProblem) -> dict[str, FloatArray]:
-    """∫ (π(w', s) − |σ_N| w' − σ_T s) ds of (D25) on the edges (n,) of each contact; 1 if there is no state."""
+    """∫ (π(w', s) − σ_N w' − σ_T s) ds of (D25) on the edges (n,) of each contact; 1 if there is no state."""
     carried, rule, contacts = answer.carried, answer.low.rule, [rows for rows, _ in limited(answer.low)]
     if carried.tractions is None or carried.motion is None:
         return {rows.name: np.ones(len(rows.points.edges)) for rows in contacts}

@@ -242,7 +242,7 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     base = discretization.with_data(discretization.problem, discretization.scales)
     moved = discretization.with_data(datum.moved(1.0), discretization.scales)
     if moved.qvi.A.shape != base.qvi.A.shape or moved.qvi.n != base.qvi.n:
-        raise InputError("parameter", parameter, "a step changes which unknowns there are: give its load a value first")
+        raise InputError("parameter", parameter, "a step adds or removes unknowns: give the load a value first")
     value, solution = measure.value, result.solution
     moved_result, base_result = (ContactResult(each, replace(solution, problem=each.qvi)) for each in (moved, base))
     direct_change = value(moved_result) - value(base_result)

@@ -118,7 +118,7 @@ class ContactLine(WithFields):
 
     @property
     def normal_force(self) -> float:
-        """−∫ σ_N ds, ≥ 0 if unilateral, force a unit of thickness [stress × length]."""
+        """−∫ σ_N ds, ≥ 0 if unilateral, force per unit of thickness [stress × length]."""
         return -float(self.weights @ self.normal_stress)
 
     @property
@@ -133,7 +133,7 @@ class ContactLine(WithFields):
 
     @property
     def tangential_force(self) -> float:
-        """∫ ± σ_T ds, force on the body along the contact a unit of thickness [stress × length].
+        """∫ ± σ_T ds, force on the body along the contact per unit of thickness [stress × length].
 
         If all tangents point the same way along the contact, as on a straight one, the sign is +: the force is along
         the tangent. If they turn back, as in a round bore, the sign is that of the counterclockwise sense around the
@@ -180,7 +180,7 @@ class ContactLine(WithFields):
     def to_frame(self, units: Units | None = None) -> DataFrame:
         """All points in order along the contact; `InputError` if pandas, the extra ``frame``, is missing.
 
-        One row a point, with the columns "s" (length along the contact, line by line), "x", "y", "weight", "friction",
+        One row per point with the columns "s" (length along the contact, line by line), "x", "y", "weight", "friction",
         "friction_bound", "normal_stress", "pore_pressure", "tangential_stress", "gap", "slip" as described above, and
         "state", a categorical of "open", "stick", "slip", "closed". With units column names end in them: "slip [mm]".
         """
@@ -340,7 +340,7 @@ class ContactPath:
         return np.asarray(np.cumsum(self.lengths) - self.lengths)
 
     def points(self, count: int) -> IntArray:
-        """Numbers of the points (n, count) in order, for `count` points an edge, numbered along its tangent."""
+        """Numbers of the points (n, count) in order, for `count` points per edge, numbered along its tangent."""
         along = np.arange(count)
         return np.asarray(count * self.edges[:, None] + np.where(self.forward[:, None], along, along[::-1]))
 

@@ -56,9 +56,9 @@ def _turning_plates(result: ContactResult) -> Iterator[str]:
             if (driven or inside) and has_coulomb(contact):
                 yield (
                     f"{'The block inside' if inside else 'The plate or pin at'} {contact.name!r} may slip round under "
-                    "its moment. This has no proof, as equilibrium alone would allow a larger pressure, and with it "
-                    "more friction. Give a rotation or displacements instead of the moment: the resulting moment is "
-                    "then what friction carries."
+                    "its moment. This is not proved, as equilibrium alone would allow a larger pressure, and with it "
+                    "more friction. Give a rotation or displacements in place of the moment: the resulting moment is "
+                    "then the one that friction carries."
                 )
 
 
@@ -221,8 +221,8 @@ class UndeterminedMotion(WithFields):
         instead = " For a plate or pin, you can give the motion instead of the force." if self.plate else ""
         return (
             f"Nothing determines the position of {what}, {together} can {self.way}. Stresses and forces do not depend "
-            "on it, but those of later steps of a history may: there it stays as near as it can to where it was. Gaps "
-            "and slips hold for one of the possible positions. "
+            "on it. Those of later steps of a history may: each step takes the position nearest to that of the step "
+            "before. Gaps and slips belong to one of the possible positions. "
             f"To determine it, add a support, friction, or a load that closes a contact.{instead}"
         )
 

@@ -52,7 +52,7 @@ _SHARE = 1e-3
 
 @dataclass(frozen=True)
 class Resultant(WithFields):
-    """Resultant of the tractions on an edge set, a unit of thickness."""
+    """Resultant of the tractions on an edge set, per unit of thickness."""
 
     x: float
     y: float
@@ -63,7 +63,7 @@ class Resultant(WithFields):
 
 @dataclass(frozen=True)
 class Energies(WithFields):
-    """Energies a unit of thickness [stress × length²]."""
+    """Energies per unit of thickness [stress × length²]."""
 
     strain: float
     """½∫ cσ:σ dx, the strain energy of the body, plus the energy of springs along contacts."""
@@ -124,7 +124,7 @@ class ContactResult(WithFields, PicklesFields):
         return joined
 
     def forces_frame(self, units: Units | None = None) -> DataFrame:
-        """One row a contact as a pandas table: forces, shares of its length in each state, extremes.
+        """One row per contact as a pandas table: forces, shares of its length in each state, extremes.
 
         Columns are "contact", "normal_force", "tangential_force" [stress × length], "share_open", "share_stick",
         "share_slip", "largest_pressure", "largest_shear" [stress], "largest_gap", "largest_slip" [length]. Where any

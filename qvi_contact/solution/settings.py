@@ -116,15 +116,15 @@ class RefineOptions:
     target: float | None = None
     """Relative error asked for; 1e-3 by default: `target = 1e-4`."""
     quantity: str | None = None
-    """energy (by default) or dissipation; of a contact NAME.normal_force, NAME.tangential_force, NAME.slip(x, y), or
-    NAME.largest_pressure, infinite at sharp corners; of a plate or pin its force or motion, NAME.force_x, force_y,
-    moment, x, y or rotation; a stress at a point, xx(x, y), yy, xy, von_mises, first or second, on edges inside the
-    body of the mean stress of both sides; or the extreme of both sides along a named edge, EDGES.largest_von_mises,
+    """energy (by default) or dissipation. Of a contact: NAME.normal_force, NAME.tangential_force, NAME.slip(x, y), or
+    NAME.largest_pressure, which is infinite at sharp corners. Of a plate or pin: NAME.force_x, force_y, moment, or its
+    motion x, y, rotation. Stress at a point: xx(x, y), yy, xy, von_mises, or first and second for principal stresses;
+    where triangles meet, of their mean stress. Extreme of such a stress along a named edge: EDGES.largest_von_mises,
     EDGES.smallest_second: `quantity = "base.normal_force"`."""
     max_unknowns: int | None = None
     """Largest number of unknowns; 20000 by default: `max_unknowns = 50_000`."""
     max_rounds: int | None = None
     """Largest number of rounds; 60 by default: `max_rounds = 10`."""
     guaranteed: bool | None = None
-    """For the force of a contact with Coulomb friction: refine until its guaranteed bounds are within the target. By
-    default an estimate is enough: `guaranteed = true`."""
+    """For the force of a contact: refine until its guaranteed bounds are within the target. By default an estimate is
+    enough: `guaranteed = true`."""

@@ -38,7 +38,7 @@ from solvers.solve import solved as solve_checked
 
 _MANY_CELLS = 20_000  # number of cells from which on discretising takes seconds and is reported
 _LINEAR = 2  # number of coefficients of a linear function on an edge
-FAR_OBSTACLES: Final = Attempt("far obstacles", "the body presses on one that was taken to be nearer", Status.SOLVED, 0)
+FAR_OBSTACLES: Final = Attempt("far obstacles", "the body presses on an obstacle moved nearer", Status.SOLVED, 0)
 """A change of the problem, with the reason why the solve before is not taken."""
 
 _EXCEEDED: Final = 1e-7  # excess of friction between points over the unit of stress, above the tolerance of solves

@@ -123,7 +123,6 @@ ITERATIONS: Final = {
 
 _WIDTH: Final = 79
 _LABEL: Final = 16
-_ALL_UP_TO: Final = 20  # all iterations up to this one are printed, then those with two digits: 100, 110, …, 1000, 1100
 
 _depth: ContextVar[int] = ContextVar("depth", default=0)
 
@@ -195,7 +194,7 @@ class Log:
             LOGGER.debug("%s: %s", self._title, words)
             if self._shown and progress.remark:
                 _print(words)
-        elif entry.number <= _ALL_UP_TO or entry.number % 10 ** max(0, len(str(entry.number)) - 2) == 0:
+        elif entry.number % 10 ** max(0, len(str(entry.number)) - 2) == 0:  # 1, 2, …, 99, 100, 110, …, 1000, 1100
             numbers = (entry.number, entry.residual, entry.energy, entry.normal_resultant)
             self.line(progress.method, *numbers, self.seconds)
 

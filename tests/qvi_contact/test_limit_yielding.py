@@ -549,11 +549,13 @@ def test_a_factor_is_found_as_closely_as_rounding_allows(pytestconfig):
     found = strength_reduction_factor(pushed, accuracy=1e-12)
     assert [found.lower, found.upper] == pytest.approx([1.0 / 0.37] * 2, rel=2e-6)
     examples = pytestconfig.rootpath / "examples"
-    dam, upright = (load_problem(examples / f"{name}.toml").problem for name in ("gravity_dam", "dry_stone_wall"))
+    names = ("gravity_dam", "dry_stone_wall", "dam_on_seam")
+    dam, upright, seam = (load_problem(examples / f"{name}.toml").problem for name in names)
     found = strength_reduction_factor(dam)  # HiGHS cannot begin one of its programs at tolerances of 1e-10
     assert found.lower * (1.0 - 1e-6) <= 1.393278 <= found.upper * (1.0 + 1e-6) < 1.001 * found.lower * (1.0 + 2e-6)
     found = strength_reduction_factor(upright)
     assert (found.lower > 900.0, found.upper) == (True, np.inf)
+    assert strength_reduction_factor(seam, of=["seam"], accuracy=0.5, degree=3).lower == 1.0  # 1.19, by hand
 
 
 def test_at_its_time_limit_safety_has_the_bounds_that_are_known(tmp_path, shell, monkeypatch, clock):
