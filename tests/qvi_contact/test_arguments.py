@@ -117,6 +117,7 @@ def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
     for start in ("high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400):
         refused(lambda value: ENTRIES[entry](tmp_path, initial=value), start, "initial")
     refused(lambda value: ENTRIES[entry](tmp_path, method="condensed", inner=value), "qp:clarabel", "inner")
+    refused(lambda value: ENTRIES[entry](tmp_path, method="fixed-point", inner_options=value), 1.0, "inner_options")
     one, same, other = (Settings(initial=np.ones(2) + shift, options={"gap": 1e-9}) for shift in (0.0, 0.0, 1e-9))
     assert one == same != other
     assert hash(one) == hash(same)
@@ -129,7 +130,8 @@ def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
      lambda name: Contact("top", 0.3, law=name), lambda name: Material(1.0, 0.3, plane=name),
      lambda name: TriangleMesh.grid([0, 1], [0, 1], edges={"new": name}),
      lambda name: limit_load_factor(PLATE, [name]), lambda name: step().resultant([name]), CUT.edges, CUT.edge_set,
-     CUT.joint_set, CUT.region, lambda name: CUT.with_edges(name, [[0, 1]]), lambda name: CUT.with_region(name, [0])],
+     CUT.joint_set, CUT.region, lambda name: TriangleMesh.joined(name, [CUT]),
+     lambda name: CUT.with_edges(name, [[0, 1]]), lambda name: CUT.with_region(name, [0])],
 )  # fmt: skip
 def test_names_are_texts(use):
     for name in (np.array(["top", "bottom"]), np.array(["top"]), ["top"], b"top", None, 1):
@@ -149,7 +151,8 @@ def test_names_are_texts(use):
 )  # fmt: skip
 def test_numbers_are_real(use):
     numbers = 0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0.0, np.complex64(0.5 + 1j), 1.0]
-    for value in (*numbers, np.ma.array([0.0, 0.5, 1.0], mask=[0, 1, 0]), "0.5", ["0.0", "1.0"], 10**400, None):
+    others = np.timedelta64(1, "s"), np.ma.array([0.0, 0.5, 1.0], mask=[0, 1, 0]), "0.5", ["0.0", "1.0"], 10**400, None
+    for value in (*numbers, *others):
         with pytest.raises(InputError):
             use(value)
 
