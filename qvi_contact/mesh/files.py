@@ -79,7 +79,8 @@ def read_point_data(path: str | Path, name: str) -> tuple[MeshParts, FloatArray]
             mesh = _GmshFile(source, path.stat().st_size, data).read()
         else:
             file: Any = load("meshio").read(path)
-            mesh, data = MeshParts(file.points, corners_of(file.cells)), file.point_data
+            cells, _ = _elements([(block.type, block.data, 0) for block in file.cells], _CELLS, {})
+            mesh, data = MeshParts(file.points, cells), file.point_data
         whole = _triangulated(path, mesh)
     values = np.asarray(data[known_name("data", name, {"point data": data})], dtype=float)
     if values.shape != (len(whole.vertices),):
@@ -186,11 +187,6 @@ def _named_cells(file: Any) -> MeshParts:
     cells, regions = _elements(blocks, _CELLS, groups)
     edge_sets = {name: lines[rows] for name, rows in of_lines.items()}
     return MeshParts(np.asarray(file.points, dtype=float), cells, edge_sets, regions)
-
-
-def corners_of(blocks: Any) -> IntArray:
-    """Corners (m, 4) of triangles, which have their last corner twice, and quadrilaterals in cells from meshio."""
-    return _elements([(block.type, block.data, 0) for block in blocks], _CELLS, {})[0]
 
 
 class _GmshFile:

@@ -240,17 +240,14 @@ def test_a_temperature_by_values_at_points(tmp_path, shell, monkeypatch):
     assert field(x, y) == pytest.approx(10.0 + 20.0 * x - 7.0 * y)
     cells = {"quad": [[0, 1, 7, 6]], "triangle": mesh.cells[2:]}
     meshio.write_points_cells(tmp_path / "hot.vtu", np.pad(mesh.vertices, [(0, 0), (0, 1)]), cells, {"T": hot})
-    # of Gmsh: nodes in another order than that of their numbers, in which their data stand; the mesh stands there twice
-    number = 24 - np.arange(24)
-    nodes = "".join(f"{n} {a} {b} 0\n" for n, (a, b) in zip(number, mesh.vertices, strict=True))
-    triangles = "".join(f"{i} 2 0 {a} {b} {c}\n" for i, (a, b, c) in enumerate(number[mesh.cells], 1))
-    text = f"$Nodes\n24\n{nodes}$EndNodes\n$Elements\n{mesh.cell_count}\n{triangles}$EndElements\n"
-    data = '$NodeData\n1\n"T"\n1\n0\n3\n0\n1\n24\n' + "".join(f"{n} {hot[24 - n]}\n" for n in range(1, 25))
-    (tmp_path / "hot.msh").write_text(f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{text}{text}{data}$EndNodeData\n")
-    assert PointData.load(tmp_path / "hot.msh", "T")(x, y) == pytest.approx(field(x, y))
-    (tmp_path / "hot.msh").write_text((tmp_path / "hot.msh").read_text() + f"{data}$EndNodeData\n")
-    with pytest.raises(InputError, match="several steps"):
-        PointData.load(tmp_path / "hot.msh", "T")
+    # a file of Gmsh gives values to nodes by their numbers; a view may repeat the mesh
+    body = "$Nodes\n3\n7 0 0 0\n5 4 0 0\n6 0 4 0\n$EndNodes\n$Elements\n1\n1 2 0 5 6 7\n$EndElements\n"
+    data = '$NodeData\n1\n"T"\n1\n0\n3\n0\n1\n3\n5 9\n6 5\n7 1\n$EndNodeData\n'
+    (tmp_path / "a.msh").write_text(text := f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{body}{body}{data}")
+    assert PointData.load(tmp_path / "a.msh", "T")(x, y) == pytest.approx(1.0 + 2.0 * x + y)
+    (tmp_path / "a.msh").write_text(text + data)
+    with refused_at("file", "several steps"):
+        PointData.load(tmp_path / "a.msh", "T")
     (tmp_path / "problem.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "T" }'))
     problem = load_problem(tmp_path / "problem.toml").problem
     assert problem.temperature(x, y) == pytest.approx(field(x, y))
