@@ -243,7 +243,7 @@ class _GmshFile:
         tags, numbers = _elements(self._blocks, kinds, labels)
         return self._index(tags), numbers
 
-    def _index(self, tags: IntArray) -> IntArray:
+    def _index(self, tags: IntArray | FloatArray) -> IntArray:
         """Indices of nodes by number, −1 for those that the file does not hold, which `_triangulated` refuses."""
         order = np.argsort(self._tags)
         index = order[np.minimum(np.searchsorted(self._tags[order], tags), len(order) - 1)]
@@ -269,6 +269,14 @@ class _GmshFile:
         if len(numbers) != count:
             raise ValueError(f"it does not hold the {count} {what} that it claims")
         return numbers
+
+    def _rows(self, count: int, columns: int, what: str) -> tuple[FloatArray, FloatArray]:
+        """The next `count` rows of a node: its number (count,), and so many numbers (count, columns)."""
+        if self._binary:
+            rows = self._take([("node", "i4"), ("values", "f8", (columns,))], count, what)
+            return rows["node"].astype(float), rows["values"]
+        numbers = self._take("f8", count * (1 + columns), f"numbers of {what}").reshape(-1, 1 + columns)
+        return numbers[:, 0], numbers[:, 1:]
 
     def _read_format(self) -> None:
         words = self._source.readline().decode("ascii").split()
@@ -304,12 +312,7 @@ class _GmshFile:
     def _read_nodes(self) -> None:
         if self._version == "2.2":
             count = int(self._source.readline())
-            if self._binary:
-                rows = self._take("i4,3f8", count, "nodes")
-                tags, self._points = rows["f0"].astype(float), rows["f1"]
-            else:
-                numbers = self._take("f8", 4 * count, "numbers of nodes").reshape(-1, 4)
-                tags, self._points = numbers[:, 0], numbers[:, 1:]
+            tags, self._points = self._rows(count, 3, "nodes")
         else:
             blocks, count, _, _ = self._take(self._word, 4, "counts of nodes").tolist()
             tag_blocks, point_blocks = [np.empty(0, self._word)], [np.empty((0, 3))]
@@ -361,12 +364,8 @@ class _GmshFile:
         name, columns = title.decode("utf-8", "replace").strip().strip('"'), int(components)
         if name in self._data:
             raise InputError("mesh", "", f"holds several steps of {name!r}: save the one that is meant")
-        if self._binary:
-            rows = self._take([("node", "i4"), ("values", "f8", (columns,))], int(count), "values")
-            index, values = self._index(rows["node"]), rows["values"]
-        else:
-            rows = self._take("f8", int(count) * (1 + columns), "values").reshape(-1, 1 + columns)
-            index, values = self._index(rows[:, 0]), rows[:, 1:]
+        tags, values = self._rows(int(count), columns, "values")
+        index = self._index(tags)
         if index.min(initial=0) < 0:
             raise ValueError("it gives values to nodes that it does not hold")
         self._data[name] = np.full(len(self._tags), np.nan) if columns == 1 else values
