@@ -406,8 +406,13 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
 def initial_pressure(qvi: FrictionQVI, initial: object) -> Vector:
     """The option `initial`, a state of the problem or a pressure, as a pressure s (m,), checked."""
     remedy = f"give a finite pressure ≥ 0 of shape ({qvi.m},)"
-    given = qvi.pressure(initial.z) if isinstance(initial, Start) and initial.fits(qvi) else initial
-    s = real_array("initial", given, remedy)
+    if isinstance(initial, Start):
+        sizes = len(initial.z), len(initial.multipliers) // 2
+        if sizes != (qvi.n, qvi.m):
+            remedy = f"give the solution of a problem with {qvi.n} unknowns and {qvi.m} contact rows, as this one"
+            raise InputError("initial", "{} unknowns and {} contact rows".format(*sizes), remedy)
+        initial = qvi.pressure(initial.z)
+    s = real_array("initial", initial, remedy)
     if s.shape != (qvi.m,) or not np.isfinite(s).all() or s.min(initial=0.0) < 0:
         raise InputError("initial", initial, remedy)
     return s

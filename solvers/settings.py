@@ -81,7 +81,7 @@ class FixedPointOptions:
     they do not know."""
 
     def __post_init__(self) -> None:
-        from solvers.basics.checks import finite_number, fraction, one_of, whole_number
+        from solvers.basics.checks import finite_number, fraction, mapping, one_of, whole_number
 
         one_of("variant", self.variant, ("plain", "damped", "anderson"))
         one_of("form", self.form, ("auto", "full", "condensed"))
@@ -89,6 +89,7 @@ class FixedPointOptions:
             raise InputError("damping", self.damping, "give a number in (0, 1]")
         for name in ("memory", "max_iterations", "patience"):
             whole_number(name, getattr(self, name))
+        mapping("inner_options", self.inner_options, "settings by name", optional=True)
         if self.inner_tolerance is not None:
             fraction("inner_tolerance", self.inner_tolerance)
 

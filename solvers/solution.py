@@ -157,10 +157,6 @@ class Start:
         multipliers = np.concatenate([solution.normal_multiplier, solution.tangential_multiplier])
         return cls(stress * solution.z, displacement * multipliers)
 
-    def fits(self, qvi: FrictionQVI) -> bool:
-        """Whether the arrays have the sizes of the problem."""
-        return self.z.shape == (qvi.n,) and self.multipliers.shape == (2 * qvi.m,)
-
 
 # The last step of every method: the status by the certificate, and the message.
 

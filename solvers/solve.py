@@ -194,12 +194,11 @@ class Search:
         self._began = time.perf_counter()
         given = settings.options.items()
         self._given: dict[str, Any] = {name: int(own) if isinstance(own, np.integer) else own for name, own in given}
-        self.start: Start | Vector | None = None  # the pressure `initial`, or the state if it fits
+        self.start: Start | Vector | None = None  # the pressure or the state `initial`
         if initial is not None and settings.takes_state:
             state = Start.of(initial) if isinstance(initial, QVISolution) else initial
-            if not isinstance(state, Start) or state.fits(qvi):
-                pressure = initial_pressure(qvi, state)  # checked, as pivoting may be followed by the fixed point
-                self.start = state if isinstance(state, Start) else pressure
+            pressure = initial_pressure(qvi, state)  # checked, as pivoting may be followed by the fixed point
+            self.start = state if isinstance(state, Start) else pressure
             if isinstance(state, Start) or not settings.by_default:  # a pressure is kept for a later fixed point
                 self._given["initial"] = self.start
 

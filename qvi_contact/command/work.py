@@ -423,10 +423,10 @@ def _with_settings(file: ProblemFile, assignments: Sequence[str]) -> tuple[Probl
     """
     plans, constants = list[SweepPlan](), dict[str, float]()
     for text in assignments:
-        name, separator, value_list = text.partition("=")
+        name, separator, value_list = text.rpartition("=")  # a contact's name may have this letter
         owner, _, parameter = name.strip().rpartition(".")
-        if owner == "load" and parameter not in PARAMETERS:
-            owner, parameter = parameter, owner  # in load.NAME the parameter comes first
+        if name.strip().startswith("load.") and parameter not in PARAMETERS:
+            parameter, _, owner = name.strip().partition(".")  # in load.NAME the parameter comes first
         values: tuple[float, ...] = ()
         with suppress(ValueError, TypeError):
             start, colon, rest = value_list.partition(":")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number, real_array, whole_number
-from qvi_contact.basics.schema import LARGEST
+from qvi_contact.basics.schema import LARGEST, located
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bent_too_far
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, part_of, reversed_bends, shares_along
@@ -373,9 +373,8 @@ def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
 
 def joined(mesh: MeshParts, name: str) -> MeshParts:
     """See `TriangleMesh.joined`; `InputError` if the name is taken, or no pieces touch along lines or declared arcs."""
-    if name in mesh.edge_sets:
-        raise InputError("join", name, "this edge set exists already: choose another name")
-    new_name(name)
+    with located("join", ()):
+        new_name(name, mesh.edge_sets)
     vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
     piece = pieces(topology, len(cells))
     own_piece = np.empty(len(vertices), dtype=np.int64)

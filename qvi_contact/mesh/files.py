@@ -9,9 +9,9 @@ of elements of higher order and points without a triangle are left out, so sides
 
 Files of Gmsh, formats 2.2 and 4.1, text or binary, and of Abaqus are read here, the others by meshio. In Abaqus files
 meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses
-surfaces, and what included files, and sets within sets, hold. Every count in a Gmsh file is compared with the bytes
-that are left, so that no wrong count makes a large array. Sections that a mesh does not need (periodic nodes, fields,
-views) are skipped.
+surfaces, and what included files, and sets within sets, hold; data at nodes of Gmsh files it gives to the nodes in the
+order of the file, whatever their numbers. Every count in a Gmsh file is compared with the bytes that are left, so that
+no wrong count makes a large array. Sections that a mesh does not need (periodic nodes, fields, views) are skipped.
 """
 
 import io
@@ -22,7 +22,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
 from importlib import import_module
-from itertools import chain, combinations, groupby
+from itertools import chain, combinations, groupby, islice
 from math import dist
 from operator import itemgetter
 from pathlib import Path
@@ -31,11 +31,13 @@ from typing import Any, BinaryIO, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import IntArray
+from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.writing import given_path, open_regular
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.grid import sides_of, triangles_of
+from solvers.basics.types import load
+from solvers.errors import known_name
 
 _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med", ".vtk": "vtk", ".vtu": "vtu"}
 _MAX_BYTES: Final = 200_000_000  # bytes
@@ -63,7 +65,31 @@ def read_mesh(path: str | Path) -> MeshParts:
     `InputError` if meshio is missing, or the file cannot be read, is not plane or has other than 3- and 4-sided cells.
     """
     path = given_path("mesh", path)
-    mesh = _read(path)
+    return _triangulated(path, _read(path)).without_others()
+
+
+def read_point_data(path: str | Path, name: str) -> tuple[MeshParts, FloatArray]:
+    """The triangles of a file .msh, or one that meshio reads, and its point data of that name at their vertices (v,).
+
+    `InputError` of "file" or "data" as in `read_mesh`, or if there is not one number a point under this name.
+    """
+    path, data = given_path("file", path), dict[str, FloatArray]()
+    with reading("file", path) as source:
+        if path.suffix.lower() == ".msh":
+            mesh = _GmshFile(source, path.stat().st_size, data).read()
+        else:
+            file: Any = load("meshio").read(path)
+            cells, _ = _elements([(block.type, block.data, 0) for block in file.cells], _CELLS, {})
+            mesh, data = MeshParts(file.points, cells), file.point_data
+        whole = _triangulated(path, mesh)
+    values = np.asarray(data[known_name("data", name, {"point data": data})], dtype=float)
+    if values.shape != (len(whole.vertices),):
+        raise InputError("file", str(path), f"needs one number a point as {name!r}")
+    return whole.without_others(), values[np.unique(whole.cells)]
+
+
+def _triangulated(path: Path, mesh: MeshParts) -> MeshParts:
+    """The mesh with all cells cut into triangles, checked."""
     if not len(mesh.cells):
         raise _refused(path, "holds no triangles")
     extent = np.ptp(mesh.vertices, axis=0)
@@ -78,7 +104,7 @@ def read_mesh(path: str | Path) -> MeshParts:
         raise _refused(path, f"holds {len(cells)} triangles: give at most {_MAX_TRIANGLES}")
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
     vertices = np.ascontiguousarray(mesh.vertices[:, :2])
-    return MeshParts(vertices, np.sort(cells, axis=1), mesh.edge_sets, regions).without_others()
+    return MeshParts(vertices, np.sort(cells, axis=1), mesh.edge_sets, regions)
 
 
 def _refused(path: Path, remedy: str) -> InputError:
@@ -163,16 +189,11 @@ def _named_cells(file: Any) -> MeshParts:
     return MeshParts(np.asarray(file.points, dtype=float), cells, edge_sets, regions)
 
 
-def corners_of(blocks: Any) -> IntArray:
-    """Corners (m, 4) of triangles, which have their last corner twice, and quadrilaterals in cells from meshio."""
-    return _elements([(block.type, block.data, 0) for block in blocks], _CELLS, {})[0]
-
-
 class _GmshFile:
-    """A Gmsh file, open, read section by section."""
+    """A Gmsh file, open, read section by section; `data` gets its point data by name, an array (nodes, …) each."""
 
-    def __init__(self, source: BinaryIO, size: int) -> None:
-        self._source, self._size = source, size
+    def __init__(self, source: BinaryIO, size: int, data: dict[str, FloatArray] | None = None) -> None:
+        self._source, self._size, self._data = source, size, data
         self._version, self._binary, self._word = "", False, "u8"  # the type of counts and tags in format 4.1
         self._names = list[tuple[int, int, str]]()  # dimension, physical number, name
         self._entities = defaultdict[tuple[int, int], list[int]](list)  # by dimension and physical number, format 4.1
@@ -187,7 +208,7 @@ class _GmshFile:
             b"Entities": self._read_entities,
             b"Nodes": self._read_nodes,
             b"Elements": self._read_elements,
-        }
+        } | ({} if self._data is None else {b"NodeData": self._read_data})
         if self._source.read(len(BOM_UTF8)) != BOM_UTF8:  # which editors may put before text
             self._source.seek(0)
         while line := self._next_line():
@@ -206,11 +227,11 @@ class _GmshFile:
         if not len(self._tags):
             raise ValueError("it holds no nodes")
         (lines, of_lines), (cells, regions) = self._elements(1, _LINES), self._elements(2, _CELLS)
-        if self._version == "2.2":  # an element in several surfaces is repeated for each
-            _, first, place = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
-            kept_cells = np.sort(first)
-            number = np.searchsorted(kept_cells, first)[place.reshape(-1)]
-            cells, regions = cells[kept_cells], {name: number[rows] for name, rows in regions.items()}
+        # an element in several surfaces is repeated for each in format 2.2, and all are where a view was appended
+        _, first, place = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
+        kept_cells = np.sort(first)
+        number = np.searchsorted(kept_cells, first)[place.reshape(-1)]
+        cells, regions = cells[kept_cells], {name: number[rows] for name, rows in regions.items()}
         return MeshParts(self._points, cells, {name: lines[rows] for name, rows in of_lines.items()}, regions)
 
     def _elements(self, dimension: int, kinds: Mapping[Any, tuple[int, ...]]) -> tuple[IntArray, dict[str, IntArray]]:
@@ -219,15 +240,20 @@ class _GmshFile:
         for own, number, name in self._names:
             if name and own == dimension:
                 labels[name] += [number] if self._version == "2.2" else self._entities[own, number]
-        (tags, numbers), order = _elements(self._blocks, kinds, labels), np.argsort(self._tags)
+        tags, numbers = _elements(self._blocks, kinds, labels)
+        return self._index(tags), numbers
+
+    def _index(self, tags: IntArray | FloatArray) -> IntArray:
+        """Indices of nodes by number, −1 for those that the file does not hold, which `_triangulated` refuses."""
+        order = np.argsort(self._tags)
         index = order[np.minimum(np.searchsorted(self._tags[order], tags), len(order) - 1)]
-        return np.where(self._tags[index] == tags, index, -1), numbers  # `read_mesh` refuses −1
+        return np.where(self._tags[index] == tags, index, -1)
 
     def _next_line(self) -> bytes:
         """The next line that is not blank, stripped; empty at the end of the file."""
         return next((line.strip() for line in self._source if line.strip()), b"")
 
-    def _take(self, kind: str, count: int, what: str) -> NDArray[Any]:
+    def _take(self, kind: Any, count: int, what: str) -> NDArray[Any]:
         """The next `count` numbers; `ValueError` if the rest of the file cannot hold them. Errors call them `what`."""
         bytes_each = np.dtype(kind).itemsize if self._binary else 2  # a digit and a separator
         bytes_left = self._size - self._source.tell()
@@ -243,6 +269,14 @@ class _GmshFile:
         if len(numbers) != count:
             raise ValueError(f"it does not hold the {count} {what} that it claims")
         return numbers
+
+    def _rows(self, count: int, columns: int, what: str) -> tuple[FloatArray, FloatArray]:
+        """The next `count` rows of a node: its number (count,), and so many numbers (count, columns)."""
+        if self._binary:
+            rows = self._take([("node", "i4"), ("values", "f8", (columns,))], count, what)
+            return rows["node"].astype(float), rows["values"]
+        numbers = self._take("f8", count * (1 + columns), f"numbers of {what}").reshape(-1, 1 + columns)
+        return numbers[:, 0], numbers[:, 1:]
 
     def _read_format(self) -> None:
         words = self._source.readline().decode("ascii").split()
@@ -278,12 +312,7 @@ class _GmshFile:
     def _read_nodes(self) -> None:
         if self._version == "2.2":
             count = int(self._source.readline())
-            if self._binary:
-                rows = self._take("i4,3f8", count, "nodes")
-                tags, self._points = rows["f0"].astype(float), rows["f1"]
-            else:
-                numbers = self._take("f8", 4 * count, "numbers of nodes").reshape(-1, 4)
-                tags, self._points = numbers[:, 0], numbers[:, 1:]
+            tags, self._points = self._rows(count, 3, "nodes")
         else:
             blocks, count, _, _ = self._take(self._word, 4, "counts of nodes").tolist()
             tag_blocks, point_blocks = [np.empty(0, self._word)], [np.empty((0, 3))]
@@ -325,6 +354,23 @@ class _GmshFile:
             for kind, group in groupby(lines, key=itemgetter(0)):
                 _, labels, nodes = map(np.array, zip(*group, strict=True))
                 self._blocks.append((kind, nodes, labels))
+
+    def _read_data(self) -> None:
+        """Name, times, and integers, among them the number of components and of nodes; then nodes and their values."""
+        assert self._data is not None  # else this section is skipped
+        (title, *_), _, (_, components, count, *_) = (
+            list(islice(self._source, int(self._source.readline()))) for _ in range(3)
+        )
+        name, columns = title.decode("utf-8", "replace").strip().strip('"'), int(components)
+        if name in self._data:
+            raise InputError("mesh", "", f"holds several steps of {name!r}: save the one that is meant")
+        tags, values = self._rows(int(count), columns, "values")
+        index = self._index(tags)
+        if index.min(initial=0) < 0:
+            raise ValueError("it gives values to nodes that it does not hold")
+        self._data[name] = np.full(len(self._tags), np.nan) if columns == 1 else values
+        if columns == 1:
+            self._data[name][index] = values[:, 0]
 
     def _element_lines(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
         """Format 2.2 as text: kind, physical number and nodes of each element; 0 is no physical number."""

@@ -18,16 +18,13 @@ from numpy.polynomial import polynomial
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate, finite_number, real_array
 from qvi_contact.basics.schema import Checked, Listed, Number, WithFields
-from qvi_contact.basics.writing import given_path
 from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import Edges, frames_along, rounding_along
-from qvi_contact.mesh.files import corners_of, reading
-from qvi_contact.mesh.grid import triangles_of
+from qvi_contact.mesh.files import read_point_data
 from qvi_contact.mesh.triangles import TriangleMesh
-from solvers.basics.types import PicklesFields, load
-from solvers.errors import counted, known_name, one_line
+from solvers.basics.types import PicklesFields
+from solvers.errors import counted, one_line
 
 _MAX_LENGTH: Final = 2000  # characters of an expression
 _MAX_SHOWN: Final = 60  # characters of a part of an expression in a message
@@ -276,20 +273,13 @@ class PointData(WithFields):
 
     @classmethod
     def load(cls, path: str | Path, name: str) -> PointData:
-        """The point data of that name in a file that meshio reads, such as .vtu, .vtk, .msh or .med.
+        """The point data of that name in a file .msh, or one that meshio reads, such as .vtu, .vtk or .med.
 
-        Quadrilaterals are cut into two triangles. `InputError` if meshio is missing, the file cannot be read, or it has
-        no triangles and quadrilaterals, or no data of that name with one number per point.
+        Quadrilaterals are cut into two triangles. `InputError` if meshio is missing, the file cannot be read, is not
+        plane or has no triangles and quadrilaterals, or has no data of that name with one number per point.
         """
-        path = given_path("file", path)
-        with reading("file", path):
-            file: Any = load("meshio").read(path)
-        data = file.point_data[known_name("data", name, {"point data": file.point_data})]
-        cells = triangles_of(file.points[:, :2], corners_of(file.cells))[0]
-        if not len(cells) or np.ndim(data) != 1:
-            raise InputError("file", str(path), f"needs triangles, and one number per point as {name!r}")
-        mesh = MeshParts(file.points[:, :2], cells).without_others()
-        return cls(TriangleMesh(*mesh.given), np.asarray(data, dtype=float)[np.unique(cells)])
+        mesh, values = read_point_data(path, name)
+        return cls(TriangleMesh(*mesh.given), values)
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y) [length]."""

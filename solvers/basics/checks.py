@@ -12,7 +12,7 @@ from solvers.errors import InputError
 
 def finite_number(field: str, value: object) -> float:
     """`value` as a float; `InputError` unless it is one finite real number."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InputError(field, value, "give one real number")
     try:
         number = float(value)
@@ -40,7 +40,7 @@ def fraction(field: str, value: object) -> float:
 
 def whole_number(field: str, value: object, largest: int = 2**31 - 1, least: int = 1) -> int:
     """`value` as an int; `InputError` unless it is a whole number from `least` to `largest`."""
-    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
     if not is_whole or not least <= value <= largest:  # type: ignore[operator]  # a number by now
         raise InputError(field, value, f"give a whole number from {least} to {largest}")
     return int(value)  # type: ignore[call-overload,no-any-return]

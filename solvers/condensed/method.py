@@ -158,7 +158,7 @@ class CondensedRun:
     def begin_near(self) -> None:
         """Two iterations from the state `initial`, if it is given; back to the usual start if their steps are short."""
         start = self.options.initial
-        if start is None or not start.fits(self.qvi) or not self.problem.weights.size:
+        if start is None or not self.problem.weights.size:
             return  # without bounds all starts are alike
         interior, usual_y = self.interior, self.interior.point.y
         start_near(interior, self.problem.restricted(self.space.coordinates(start.z)), start)

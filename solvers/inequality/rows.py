@@ -95,7 +95,8 @@ def checked_matrix(name: str, value: Any, empty: int | None = None) -> Columns:
             raise InputError(name, None, "give a matrix")
         return np.zeros((0, empty))
     if not issparse(value):
-        value = np.asarray(value)
+        if type(value) is not np.ndarray:
+            value = real_array(name, value, "give a matrix of real numbers, sparse or dense")
         if value.ndim != 2:
             raise InputError(name, f"{value.ndim} dimensions", "give a matrix, with two dimensions")
     if value.dtype.kind not in "biuf":

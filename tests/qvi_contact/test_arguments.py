@@ -117,6 +117,7 @@ def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
     for start in ("high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400):
         refused(lambda value: ENTRIES[entry](tmp_path, initial=value), start, "initial")
     refused(lambda value: ENTRIES[entry](tmp_path, method="condensed", inner=value), "qp:clarabel", "inner")
+    refused(lambda value: ENTRIES[entry](tmp_path, method="fixed-point", inner_options=value), 1.0, "inner_options")
     one, same, other = (Settings(initial=np.ones(2) + shift, options={"gap": 1e-9}) for shift in (0.0, 0.0, 1e-9))
     assert one == same != other
     assert hash(one) == hash(same)
@@ -129,7 +130,8 @@ def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
      lambda name: Contact("top", 0.3, law=name), lambda name: Material(1.0, 0.3, plane=name),
      lambda name: TriangleMesh.grid([0, 1], [0, 1], edges={"new": name}),
      lambda name: limit_load_factor(PLATE, [name]), lambda name: step().resultant([name]), CUT.edges, CUT.edge_set,
-     CUT.joint_set, CUT.region, lambda name: CUT.with_edges(name, [[0, 1]]), lambda name: CUT.with_region(name, [0])],
+     CUT.joint_set, CUT.region, lambda name: TriangleMesh.joined(name, [CUT]),
+     lambda name: CUT.with_edges(name, [[0, 1]]), lambda name: CUT.with_region(name, [0])],
 )  # fmt: skip
 def test_names_are_texts(use):
     for name in (np.array(["top", "bottom"]), np.array(["top"]), ["top"], b"top", None, 1):
@@ -149,7 +151,8 @@ def test_names_are_texts(use):
 )  # fmt: skip
 def test_numbers_are_real(use):
     numbers = 0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0.0, np.complex64(0.5 + 1j), 1.0]
-    for value in (*numbers, np.ma.array([0.0, 0.5, 1.0], mask=[0, 1, 0]), "0.5", ["0.0", "1.0"], 10**400, None):
+    hidden, seconds = np.ma.masked_less([0.5, 1.0], 0.7), np.timedelta64(1, "s")
+    for value in (*numbers, hidden, seconds, "0.5", ["0.0", "1.0"], 10**400, None):
         with pytest.raises(InputError):
             use(value)
 
@@ -171,7 +174,7 @@ def test_a_time_out_in_a_function_goes_on():
      lambda: problem_to_toml(PLATE, title=None), lambda: problem_to_toml(PLATE, units=0),
      lambda: TriangleMesh.rectangle((2, 2), origin=("0", 0.0)), lambda: graded_lines(0.0, 1.0, 10**400),
      lambda: compressed_plate(0.3, displacement="1e-3"), lambda: solve(PLATE, element="bfs", degree=4),
-     lambda: solve(step().discretization, degree=5),
+     lambda: solve(step().discretization, degree=5), lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, "y"),
      lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), x=(0.0, 0.4))]),
      lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), name="steel")])],
 )  # fmt: skip
@@ -236,6 +239,8 @@ REFUSALS = {
     "stress": principal_stresses, "TOML": problem_from_toml, "result": lambda result: write_json("never", result),
     "folder": lambda folder: problem_from_toml("", folder if not isinstance(folder, str) else 1),
     "units of a file": lambda units: write_npz("never.npz", step(), units),
+    "ContactProblem.mesh": lambda mesh: ContactProblem(mesh, Material(1.0, 0.3), HELD),
+    "ContactProblem.material": lambda material: ContactProblem(CUT, material, HELD),
     "loads of a proof": lambda loads: limit_proof(PLATE, loads),
     "displacement": lambda loop: loop_area(loop, [0.0, 1.0]), "force": lambda loop: loop_area([0.0, 1.0], loop),
     "TriangleMesh.edge_sets": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, sets),

@@ -301,23 +301,24 @@ class TestSweep:
     def test_in_a_problem_file(self, shell, tmp_path):
         path = plate_file(tmp_path, 0.2)
         sweep = '\n[sweep]\nparameter = "friction"\nvalues = { start = 0.1, stop = 0.3, steps = 2 }\n'
-        path.write_text(path.read_text(encoding="utf-8") + sweep, encoding="utf-8")
+        path.write_text(path.read_text(encoding="utf-8").replace('"plate"', '"a=b.c"') + sweep, encoding="utf-8")
         status, out, _ = shell("solve", path)
         rows = [line.split() for line in out.splitlines() if line[:2] == "0."]
         assert (status, [row[:2] for row in rows]) == (0, [[value, "solved"] for value in ("0.1", "0.2", "0.3")])
         assert "sweep: friction, 3 values" in shell("check", path)[1]
-        assert answered(shell("solve", path, "--set", "plate.gap=0.0,1e-4", "--json"))["gap"] == [0.0, 1e-4]
+        assert answered(shell("solve", path, "--set", "a=b.c.gap=0.0,1e-4", "--json"))["gap"] == [0.0, 1e-4]
 
     def test_constants_of_the_file_and_loads_by_name(self, shell, tmp_path, monkeypatch):
-        path = example(tmp_path, "dragged_block_holds", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
+        changes = ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"), ('"drag"', '"a.b"')
+        path = example(tmp_path, "dragged_block_holds", *changes)
 
         def force(*words):
             steps = answered(shell("solve", path, *words, "--json"))["steps"]
             return [step["contacts"]["base"]["tangential_force"]["value"] for step in steps]
 
-        whole, half = force("--set", "load.drag=1,0.5")
+        whole, half = force("--set", "load.a.b=1,0.5")
         assert half == pytest.approx(0.5 * whole, rel=1e-6)
-        assert force("--set", "mu=0.9", "--set", "drag.load=1.0") == pytest.approx([whole], rel=1e-6)
+        assert force("--set", "mu=0.9", "--set", "a.b.load=1.0") == pytest.approx([whole], rel=1e-6)
         assert force("--set", "mu=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)
         assert shell("solve", path, "--set", "constants.mu=0.8:0.9:2")[1].count("\nmu ") == 1
         assert force("--set", "T=0.1", "--set", "p=0.5,1.0") == pytest.approx([-0.2, -0.2], rel=1e-6)

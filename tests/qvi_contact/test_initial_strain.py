@@ -232,7 +232,7 @@ def test_what_cannot_be_meant_is_refused():
 
 
 def test_a_temperature_by_values_at_points(tmp_path, shell, monkeypatch):
-    """Linear between them: on the vertices of the problem and of another mesh, in a file, beside chords of arcs."""
+    """Linear between them: on vertices of the problem, of another mesh, by number in files, beside chords of arcs."""
     meshio = pytest.importorskip("meshio")
     mesh, x, y = TriangleMesh.rectangle((5, 3), 2.0, 1.0), np.array([0.1, 1.7]), np.array([0.3, 0.9])
     hot = 10.0 + 20.0 * mesh.vertices[:, 0] - 7.0 * mesh.vertices[:, 1]
@@ -240,6 +240,13 @@ def test_a_temperature_by_values_at_points(tmp_path, shell, monkeypatch):
     assert field(x, y) == pytest.approx(10.0 + 20.0 * x - 7.0 * y)
     cells = {"quad": [[0, 1, 7, 6]], "triangle": mesh.cells[2:]}
     meshio.write_points_cells(tmp_path / "hot.vtu", np.pad(mesh.vertices, [(0, 0), (0, 1)]), cells, {"T": hot})
+    body = "$Nodes\n3\n7 0 0 0\n5 4 0 0\n6 0 4 0\n$EndNodes\n$Elements\n1\n1 2 0 5 6 7\n$EndElements\n"
+    data = '$NodeData\n1\n"T"\n1\n0\n3\n0\n1\n3\n5 9\n6 5\n7 1\n$EndNodeData\n'
+    (tmp_path / "a.msh").write_text(text := f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{body}{body}{data}")
+    assert PointData.load(tmp_path / "a.msh", "T")(x, y) == pytest.approx(1.0 + 2.0 * x + y)
+    (tmp_path / "a.msh").write_text(text + data)
+    with refused_at("file", "several steps"):
+        PointData.load(tmp_path / "a.msh", "T")
     (tmp_path / "problem.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "T" }'))
     problem = load_problem(tmp_path / "problem.toml").problem
     assert problem.temperature(x, y) == pytest.approx(field(x, y))

@@ -96,13 +96,6 @@ def test_unbalanced_loads_are_refused_with_their_size():
         assert caught.value.value == pytest.approx(1.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["mesh", "material", "body_potential"])
-def test_wrong_kinds_are_refused(name):
-    arguments = {"mesh": MESH, "material": STEEL, "conditions": [*FREE, Symmetry("left"), Symmetry("bottom")]}
-    with pytest.raises(InputError, match=rf"ContactProblem\.{name}"):
-        ContactProblem(**{**arguments, name: "steel"})
-
-
 MATERIAL = Material(1000.0, 0.3)
 BLOCK = TriangleMesh.rectangle((4, 3), 2.0, 1.0, origin=(1.0, -1.0))
 

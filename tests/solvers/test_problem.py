@@ -49,8 +49,8 @@ def test_wrong_length(name):
 @pytest.mark.parametrize(
     ("name", "value"),
     [("K", np.triu(np.ones((3, 3)))), ("K", -np.eye(3)), ("K", "stiff"), ("K", None), ("K", [[10**400]]),
-     ("N", np.ones(3)), ("N", np.ones((2, 4))), ("f", "load"), ("mu", [0.3, -1e-300]),
-     ("W", [1.0, 0.0]), ("W", [1.0, -1.0]), ("traces", {}), ("cohesion", [-1.0, 0.0]),
+     ("N", np.ones(3)), ("N", np.ones((2, 4))), ("N", [[1.0], [1.0, 0.0]]), ("N", np.ma.masked_less(np.eye(3), 1.0)),
+     ("f", "load"), ("mu", [0.3, -1e-300]), ("W", [1.0, 0.0]), ("W", [1.0, -1.0]), ("traces", 0), ("cohesion", [-1, 0]),
      ("cohesion", [np.inf, 0.0]), ("cap", [-1.0, 1.0]), ("cap", [np.nan, 1.0]), ("cap", [1.0] * 3),
      ("bilateral", [1, 0]), ("bilateral", [True]), ("places", np.zeros((1, 2))), ("places", np.zeros(6)),
      ("places", np.full((3, 2), np.nan)), ("places", "here")],

@@ -248,16 +248,15 @@ def test_the_best_of_several_attempts_is_kept_and_all_iterations_count(monkeypat
     assert (found.status, found.iterations, len(done)) == (status, len(ends[:2]), len(ends[:2]))
 
 
-def test_a_start_does_not_change_the_method_and_states_of_other_problems_give_the_pressure_at_most():
+def test_a_start_does_not_change_the_method_and_states_of_other_sizes_are_refused():
     qvi = random_problem(4)
-    plain = solve_qvi(qvi)
+    plain, other = solve_qvi(qvi), solve_qvi(random_problem(4, n=13))
     started = solve_qvi(qvi, initial=qvi.pressure(plain.z))
     assert (started.method, started.iterations) == (plain.method, plain.iterations)
     assert np.array_equal(started.z, plain.z)
-    assert solve_qvi(qvi, initial=Start(np.zeros(qvi.n + 1), np.zeros(2 * qvi.m))).iterations == plain.iterations
     assert solve_qvi(qvi, "fixed-point", initial=plain).iterations == 1 < solve_qvi(qvi, "fixed-point").iterations
     for settings in ({"method": "condensed"}, {"method": "uzawa"}, {"rule": "printed"}):
-        for start in (np.ones(qvi.m), Start(np.full(qvi.n, np.nan), np.zeros(2 * qvi.m))):
+        for start in (np.ones(qvi.m), Start(np.full(qvi.n, np.nan), np.zeros(2 * qvi.m)), other):
             with refused_at("initial"):
                 solve_qvi(qvi, **settings, initial=start)
 
