@@ -344,7 +344,7 @@ class FileReader:
         if isinstance(value, bool) or not isinstance(value, int | float):
             remedy = "give a number, an expression in quotes, or { polynomial = [[c00, c01], [c10]] }"
             raise InputError("", value, remedy)
-        return float(value)
+        return schema.FINITE.check("", value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -470,10 +470,8 @@ def _from_text(text: str, folders: tuple[Path, ...]) -> ProblemFile:
         raise InputError("TOML", text[:200], _TOO_LONG)
     try:
         data = tomllib.loads(text)
-        _check_scalars(data, "")
-    except InputError:
-        raise
-    except ValueError as error:  # of tomllib, or of int for too many digits
+        _ = repr(data)  # which messages need: it fails for too many digits, and too deep tables
+    except ValueError as error:
         _, separator, rest = str(error).partition("at line ")  # the parser's message may name a line
         number, lines = rest.split(",")[0], text.splitlines()
         line = lines[int(number) - 1] if separator and number.isdigit() and 0 < int(number) <= len(lines) else ""
@@ -482,24 +480,6 @@ def _from_text(text: str, folders: tuple[Path, ...]) -> ProblemFile:
     except RecursionError as error:
         raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
     return replace(_from_tables(data, folders), text=text)
-
-
-def _check_scalars(value: object, path: str) -> None:
-    """Refuse values that TOML allows but no key takes: dates, too large and infinite numbers."""
-    if isinstance(value, dict):
-        for name, item in value.items():
-            _check_scalars(item, schema.joined(path, schema.quoted(name)))
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            _check_scalars(item, f"{path}[{index}]")
-    elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # TOML's whole numbers have 64 bits
-        raise InputError(path, f"a number of {value.bit_length()} bits", "give a whole number of at most 64 bits")
-    elif isinstance(value, float) and not abs(value) <= schema.LARGEST:
-        remedy = f"give a finite number, of at most {schema.LARGEST:g}: take other units if you need more"
-        raise InputError(path, value, remedy)
-    elif not isinstance(value, int | float | str):
-        remedy = "give a number, a text in quotes, a list or a table; dates are not used here"
-        raise InputError(path, str(value), remedy)
 
 
 def _from_tables(
@@ -518,7 +498,7 @@ def _from_tables(
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
-            _check_scalars(float(value), "")  # also of changed constants
+            _ = schema.FINITE.check("", value)  # also changed constants
     reader = FileReader(data, constants, times[0] if times else None, folders)
     document: Document = schema.read_table(Document, data, reader)
     problem_file = ProblemFile(
