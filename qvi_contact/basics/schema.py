@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from types import NoneType, UnionType
-from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 from qvi_contact.errors import InputError
 from solvers.errors import closest
@@ -32,14 +32,6 @@ LARGEST: Final = 1e60
 ADD: Final = "add this key, it is needed"
 MOST: Final = 2000  # entries of a table with free names, and tables of one kind
 _MAX_NAME: Final = 100
-
-
-_Value = TypeVar("_Value")
-
-
-def _cached(function: Callable[[type], _Value]) -> Callable[[type], _Value]:
-    """The function with cached results; `functools.cache` alone has no type for a class as argument."""
-    return cache(function)
 
 
 class Missing:
@@ -359,7 +351,7 @@ def kind_of(hint: Any) -> Kind:
     return simple_kinds[hint] if hint in simple_kinds else Table(hint)
 
 
-@_cached
+@cache
 def keys_of(kind: type) -> dict[str, Key]:
     """The keys of a dataclass, in the order of its fields."""
     hints = get_type_hints(kind, include_extras=True)
@@ -367,14 +359,14 @@ def keys_of(kind: type) -> dict[str, Key]:
     return {name: Key(**{"kind": kind_of(hints[name])} | data) for name, data in metadata.items() if data is not None}
 
 
-@_cached
+@cache
 def defaults_of(kind: type) -> dict[str, Any]:
     """The defaults of the fields that have one."""
     defaults = {each.name: each.default_factory() for each in fields(kind) if each.default_factory is not MISSING}
     return defaults | {each.name: each.default for each in fields(kind) if each.default is not MISSING}
 
 
-@_cached
+@cache
 def file_keys(kind: type) -> dict[str, Key]:
     """The keys of a table: of the class, of inlined classes, and of files only (`in_files`)."""
     keys: dict[str, Key] = {}
@@ -480,7 +472,7 @@ class Checked(WithFields):
                 object.__setattr__(self, name, each.kind.check(f"{kind.__name__}.{name}", value))
 
 
-@_cached
+@cache
 def described(kind: type) -> dict[str, str]:
     """The texts below the fields of a class and of its base classes; the text below `in_files` is that of its key.
 
@@ -558,7 +550,7 @@ def _suggestion(kind: type, name: str, known: tuple[str, ...], reader: Reader) -
     return f"there is no such key; did you mean {suggestion}{where}? ({listed})"
 
 
-@_cached
+@cache
 def tables_of(whole: type) -> dict[type, list[str]]:
     """The classes of the tables of a file, with the headings of each."""
     headings: dict[type, list[str]] = {}

@@ -21,7 +21,7 @@ from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import cross
-from qvi_contact.mesh.selection import point
+from qvi_contact.mesh.selection import between, point
 
 LONGEST: Final = 500.0
 """Largest ratio of a cell's length to its width; longer cells are cut, as thinner triangles lose too many digits."""
@@ -185,8 +185,7 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
         if count.sum() * active.shape[axis] > max_cells:
             break
         count = count.astype(np.int64)
-        old_cell = np.repeat(np.arange(len(count)), count)
-        step = np.arange(len(old_cell)) - np.repeat(np.cumsum(count) - count, count)
+        old_cell, step = between(0 * count, count)
         places = np.append(old_cell + step / count[old_cell], len(count))
         lines[axis] = checked_lines("lines", np.interp(places, np.arange(len(count) + 1), lines[axis]))
         active = np.repeat(active, count, axis=1 - axis)

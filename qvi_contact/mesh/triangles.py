@@ -529,13 +529,13 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         """
         return TriangleMesh(*cutting.bisected(self, marked).given)
 
-    def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
+    def fanned(self, vertices: IntArray, angle: float) -> TriangleMesh:
         """The mesh with fans of thin triangles around vertices (k,), for stresses that turn quickly around a point.
 
         No edge joins two of the vertices; all keep their numbers. Triangles at the vertices get angles of at most
-        `angle` [rad]. In at least `layers` steps their length is halved, then each angle that is too large.
+        `angle` [rad]. In each step their length is halved, then each angle that is too large; there is at least one.
         """
-        return TriangleMesh(*cutting.fanned(self, vertices, angle, layers).given)
+        return TriangleMesh(*cutting.fanned(self, vertices, angle).given)
 
     def graded(self, points: ArrayLike, depth: int | Sequence[int], *, ratio: float | None = None) -> TriangleMesh:
         """The same body with smaller triangles at points (k, 2), in `depth` steps, a number or one for each point.
