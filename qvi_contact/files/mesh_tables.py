@@ -65,6 +65,7 @@ class Segment:
 class Axis(schema.Kind):
     """Grid lines: a list of them, a piece, or a list of pieces."""
 
+    values = "list of numbers, piece or list of pieces"
     of = Segment
 
     def read(self, value: Any, reader: schema.Reader) -> FloatArray:

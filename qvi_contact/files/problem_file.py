@@ -87,6 +87,7 @@ def evenly(start: float, stop: float, count: int) -> tuple[float, ...]:
 class Values(schema.Kind):
     """Numbers, at least one, as a list or a range."""
 
+    values = "list of numbers, or range"
     of = TimeRange
 
     def read(self, value: Any, reader: schema.Reader) -> tuple[float, ...]:

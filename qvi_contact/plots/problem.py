@@ -11,16 +11,7 @@ from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.mesh.edges import Edges, chains, cross, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
-from qvi_contact.problem.conditions import (
-    CARTESIAN,
-    LOCAL,
-    Condition,
-    Contact,
-    Displacement,
-    Symmetry,
-    Traction,
-    components,
-)
+from qvi_contact.problem.conditions import CARTESIAN, Condition, Contact, Displacement, Symmetry, Traction, components
 from qvi_contact.problem.material import temperature_of
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.units import Units
@@ -399,10 +390,10 @@ class _Sketch:
 
     def _ranges(self, condition: Traction | Displacement, pieces: Sequence[Run]) -> tuple[dict[str, FloatArray], str]:
         """Values of the given components along the runs, and a text with their ranges."""
-        signs, unit = ("tσ", self.units.stress) if isinstance(condition, Traction) else ("uu", self.units.length)
+        signs, unit = ("σt", self.units.stress) if isinstance(condition, Traction) else ("uu", self.units.length)
         values = _values(condition, self._along(pieces))
-        words = [style.value_range(signs[name in LOCAL] + _INDEX[name], each, unit) for name, each in values.items()]
-        return values, ", ".join(words)
+        named = {signs[name in CARTESIAN] + _INDEX[name]: each for name, each in values.items()}
+        return values, ", ".join(style.value_range(name, each, unit) for name, each in named.items())
 
     def _arrows(self, condition: Traction | Displacement, pieces: Sequence[Run], look: dict[str, Any]) -> None:
         """Draw arrows, in a scale in which the largest arrow of all conditions of this class has full length."""
