@@ -50,9 +50,8 @@ class Curve:
         if bends.ndim != 2 or len(bends) != len(pairs) or not bends.shape[1]:
             raise InputError(field, f"shape {bends.shape}", f"give {len(pairs)} rows of numbers, one for each edge")
         if not (np.abs(bends) <= np.pi).all():
-            raise InputError(
-                field, float(np.abs(bends).max()), "give angles [rad] from the chord, numbers from -π to π"
-            )
+            remedy = "give angles [rad] from the chord, numbers from -π to π"
+            raise InputError(field, float(np.abs(bends).max()), remedy)
         difference = float(np.abs(levelled(bends) - bends).max())
         if difference > _CHORD_TOLERANCE:
             remedy = "these angles count from a line that is this angle [rad] off the chord: correct it"

@@ -146,21 +146,19 @@ def triangles_of(
         return cells[:, :3], np.arange(len(cells))
     on_boundary = sides_of(cells)[1] if on_boundary is None else on_boundary
     in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # of the body, at a, b, c, d
-    a, b, c = points[cells[:, [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]]]].transpose(2, 0, 1, 3)
+    halves = cells[:, [[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]]]  # for diagonal ac, bd
+    a, b, c = points[halves].transpose(3, 0, 1, 2, 4)
     with np.errstate(all="ignore"):  # `TriangleMesh` refuses coordinates that are too large or not finite
-        double_areas = cross(b - a, c - a).reshape(-1, 2, 2)  # of the halves for diagonal ac, bd
+        double_areas = cross(b - a, c - a)
         is_inside, least = (np.sign(double_areas).prod(axis=2) > 0.0), np.abs(double_areas).min(axis=2)
     least[~is_inside] = -1.0
     # take diagonal bd instead of ac if it runs into more corners of the body, else by the areas
     b_larger = least[:, 1] > least[:, 0] * (1.0 + np.where(prefers_bd, -_AREA_TOLERANCE, _AREA_TOLERANCE))
     corners_bd = in_corner[:, [1, 3]].sum(axis=1) - in_corner[:, [0, 2]].sum(axis=1)
-    from_b = np.where(is_inside.all(axis=1) & (corners_bd != 0), corners_bd > 0, b_larger)[:, None]
-    halves = np.stack(
-        [np.where(from_b, cells[:, [0, 1, 3]], cells[:, :3]), np.where(from_b, cells[:, 1:], cells[:, [0, 2, 3]])], 1
-    )
-    halves[~quads, 0] = cells[~quads, :3]
+    from_b = quads & np.where(is_inside.all(axis=1) & (corners_bd != 0), corners_bd > 0, b_larger)
     is_triangle = np.column_stack([np.ones(len(cells), dtype=bool), quads])
-    return halves[is_triangle], np.repeat(np.arange(len(cells)), is_triangle.sum(axis=1))
+    triangles = np.where(from_b[:, None, None], halves[:, 1], halves[:, 0])[is_triangle]
+    return triangles, np.repeat(np.arange(len(cells)), is_triangle.sum(axis=1))
 
 
 def sides_of(cells: IntArray) -> tuple[IntArray, BoolArray]:
