@@ -149,18 +149,15 @@ class _Output:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    def write(self, text: str) -> int:
-        with self._remembering():
-            return self._stream.write(text)
+    def write(self, text: str) -> Any:
+        return self._tried(self._stream.write, text)
 
     def flush(self) -> None:
-        with self._remembering():
-            self._stream.flush()
+        self._tried(self._stream.flush)
 
-    @contextmanager
-    def _remembering(self) -> Iterator[None]:
+    def _tried(self, method: Callable[..., Any], *arguments: str) -> Any:
         try:
-            yield
+            return method(*arguments)
         except OSError as error:
             self.error = error
             raise
@@ -176,10 +173,9 @@ class _Output:
 class _Errors(_Output):
     """Standard error that goes to the null device after a failed write; at a broken pipe Rich would end the output."""
 
-    @contextmanager
-    def _remembering(self) -> Iterator[None]:
+    def _tried(self, method: Callable[..., Any], *arguments: str) -> Any:
         try:
-            yield
+            return method(*arguments)
         except OSError:
             self.give_up()
 
