@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from types import NoneType, UnionType
-from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from qvi_contact.errors import InputError
 from solvers.errors import closest
@@ -32,6 +32,14 @@ LARGEST: Final = 1e60
 ADD: Final = "add this key, it is needed"
 MOST: Final = 2000  # entries of a table with free names, and tables of one kind
 _MAX_NAME: Final = 100
+
+
+_Value = TypeVar("_Value")
+
+
+def _cached(function: Callable[[type], _Value]) -> Callable[[type], _Value]:
+    """The function with cached results; `functools.cache` alone has no type for a class as argument."""
+    return cache(function)
 
 
 class Missing:
@@ -51,7 +59,7 @@ Writer: TypeAlias = Callable[[str, object], object]
 class Kind:
     """The values of a key: read from a file, given in Python, written to a file."""
 
-    values: ClassVar[str]
+    values = ""
     """The values in words, for the list of all keys."""
 
     def read(self, value: Any, reader: Reader) -> Any:  # noqa: ARG002
@@ -365,7 +373,7 @@ def kind_of(hint: Any) -> Kind:
     return simple_kinds[hint] if hint in simple_kinds else Table(hint)
 
 
-@cache
+@_cached
 def keys_of(kind: type) -> dict[str, Key]:
     """The keys of a dataclass, in the order of its fields."""
     hints = get_type_hints(kind, include_extras=True)
@@ -373,14 +381,14 @@ def keys_of(kind: type) -> dict[str, Key]:
     return {name: Key(**{"kind": kind_of(hints[name])} | data) for name, data in metadata.items() if data is not None}
 
 
-@cache
+@_cached
 def defaults_of(kind: type) -> dict[str, Any]:
     """The defaults of the fields that have one."""
     defaults = {each.name: each.default_factory() for each in fields(kind) if each.default_factory is not MISSING}
     return defaults | {each.name: each.default for each in fields(kind) if each.default is not MISSING}
 
 
-@cache
+@_cached
 def file_keys(kind: type) -> dict[str, Key]:
     """The keys of a table: of the class, of inlined classes, and of files only (`in_files`)."""
     keys: dict[str, Key] = {}
@@ -486,7 +494,7 @@ class Checked(WithFields):
                 object.__setattr__(self, name, each.kind.check(f"{kind.__name__}.{name}", value))
 
 
-@cache
+@_cached
 def described(kind: type) -> dict[str, str]:
     """The texts below the fields of a class and of its base classes; the text below `in_files` is that of its key.
 
@@ -564,7 +572,7 @@ def _suggestion(kind: type, name: str, known: tuple[str, ...], reader: Reader) -
     return f"there is no such key; did you mean {suggestion}{where}? ({listed})"
 
 
-@cache
+@_cached
 def tables_of(whole: type) -> dict[type, list[str]]:
     """The classes of the tables of a file, with the headings of each."""
     headings: dict[type, list[str]] = {}

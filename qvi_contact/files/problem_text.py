@@ -47,8 +47,7 @@ def problem_to_toml(
     instance_of(ContactProblem, "problem", problem, remedy)
     for name, value in (("title", title), ("description", description)):
         instance_of(str, name, value, "give a text")
-    if units is not None:
-        instance_of(Units, "units", units, "give Units, or nothing")
+    Units.labels(units, {})  # raises if these are no units
     text = unchecked_toml(problem, title, description, units)
     problem_from_toml(text)  # raises for values that only Python allows, such as names of several lines
     return text
