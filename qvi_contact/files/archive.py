@@ -9,7 +9,7 @@ shows whether a file was changed after it was written. Who changes the digest to
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from copy import copy
 from pathlib import Path
 from typing import Any, Final
@@ -364,10 +364,9 @@ class StepStore(Sequence[ContactResult]):
             raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
         held.enter_context(locked(header))
         if header.exists():
-            try:
-                existing: Any = json.loads(header.read_text(encoding="utf-8"))
-            except (OSError, ValueError, RecursionError):
-                existing = None
+            existing: Any = None
+            with suppress(OSError, ValueError, RecursionError):
+                existing = json.loads(header.read_text(encoding="utf-8"))
             if isinstance(existing, dict) and existing.get("format") == expected["format"]:
                 _refuse_other_version("store", str(header), existing.get("version"))
             if existing != expected:
@@ -376,11 +375,9 @@ class StepStore(Sequence[ContactResult]):
         else:
             write_text(header, json.dumps(expected, indent=2) + "\n", "store")
         self._all_statuses: list[Status] = []
-        while len(self._all_statuses) < planned:
-            try:
-                self._all_statuses.append(Status(self._archive(len(self._all_statuses) + 1).text("status")))
-            except (InputError, ValueError):
-                break
+        with suppress(InputError, ValueError):  # of the first step that is missing or damaged
+            for number in range(1, planned + 1):
+                self._all_statuses.append(Status(self._archive(number).text("status")))
 
     def __len__(self) -> int:
         return len(self._numbers)

@@ -22,9 +22,8 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
 from importlib import import_module
-from itertools import chain, combinations, groupby
+from itertools import chain, combinations
 from math import dist
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeAlias
 
@@ -321,19 +320,15 @@ class _GmshFile:
                 self._blocks.append((kind, numbers[:, 1 + tags :], physical))
                 n_read += max(count, 1)
         else:
-            lines = self._element_lines(int(self._source.readline()))
-            for kind, group in groupby(lines, key=itemgetter(0)):
-                _, labels, nodes = map(np.array, zip(*group, strict=True))
-                self._blocks.append((kind, nodes, labels))
-
-    def _element_lines(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
-        """Format 2.2 as text: kind, physical number and nodes of each element; 0 is no physical number."""
-        for _ in range(count):
-            words = list(map(int, self._source.readline().split()))
-            nodes = words[3 + words[2] :] if len(words) > 3 else []
-            if not nodes or len(nodes) != self._nodes_of(words[1]):
-                raise ValueError(f"it does not hold the {count} elements that it claims")
-            yield words[1], abs(words[3]) if words[2] else 0, nodes
+            total, rows = int(self._source.readline()), defaultdict[int, list[list[int]]](list)
+            for _ in range(total):
+                words = list(map(int, self._source.readline().split()))
+                nodes = words[3 + words[2] :] if len(words) > 3 else []
+                if not nodes or len(nodes) != self._nodes_of(words[1]):
+                    raise ValueError(f"it does not hold the {total} elements that it claims")
+                rows[words[1]].append([abs(words[3]) if words[2] else 0, *nodes])
+            tables = ((kind, np.array(elements)) for kind, elements in rows.items())
+            self._blocks += [(kind, table[:, 1:], table[:, 0]) for kind, table in tables]
 
     def _nodes_of(self, kind: int) -> int:
         """Number of nodes of an element."""
