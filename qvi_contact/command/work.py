@@ -71,11 +71,10 @@ def _problem_file(
     option_names = keys_of(Settings)
     command_options = {name: value for name, value in given.items() if name in option_names and value is not None}
     with problem_file.named_errors(), np.errstate(all="ignore"):  # a result that overflows fails its certificate
-        element, file_options = problem_file.element, problem_file.solve_options
-        options = {name: value for name, value in file_options.items() if name not in element}
+        options = dict(problem_file.solve_options)
         if "method" in command_options and command_options["method"] != Settings.of(None, options).chosen:
             options = {name: value for name, value in options.items() if name in option_names}
-        yield problem_file, targets, options | element | command_options
+        yield problem_file, targets, options | command_options
 
 
 def _print_answer(

@@ -147,10 +147,9 @@ class Archive:
 
     def mapping(self, name: str) -> dict[str, Any]:
         """A text that is a JSON object."""
-        try:
-            document = json.loads(self.text(name))
-        except (ValueError, RecursionError) as error:
-            raise self.refused(name, "is not a JSON document") from error
+        text, document = self.text(name), None
+        with suppress(ValueError, RecursionError):
+            document = json.loads(text)
         if not isinstance(document, dict):
             raise self.refused(name, "is not a JSON object")
         return document
@@ -246,14 +245,13 @@ def result_from_archive(archive: Archive) -> ContactResult:
         )
         raise InputError("result", archive.path, remedy)
 
+    law_on: Any = archive.text("law_on")
+    degree = archive.count("degree")
+
     def discretized(scales: Scales) -> Discretization:
         try:
-            law_on: Any = archive.text("law_on")
-            problem = problem_from_toml(text).problem
-            return discretize(problem, scales=scales, degree=archive.count("degree"), law_on=law_on)
+            return discretize(problem_from_toml(text).problem, scales=scales, degree=degree, law_on=law_on)
         except InputError as error:
-            if error.field == "result":  # the message names the file already
-                raise
             raise archive.refused("problem", f"holds a problem that cannot be solved ({error})") from error
 
     return answer_from_archive(archive, discretized)
