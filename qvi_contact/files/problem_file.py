@@ -252,8 +252,8 @@ class Document:
                 mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
         return mesh
 
-    def problem(self, mesh: TriangleMesh, read_tables: Mapping[str, Any]) -> ContactProblem:
-        """The problem on the mesh, with all functions checked; `read_tables` is the document as TOML gives it."""
+    def problem(self, mesh: TriangleMesh) -> ContactProblem:
+        """The problem on the mesh, with all functions checked."""
         forces: Field = self.body_potential
         if self.body_forces:
             with schema.located("body_forces", ()):
@@ -281,10 +281,10 @@ class Document:
             with schema.located(field_path, ()):
                 raise
         edges_of_contacts = {contact.edges for contact in self.contacts}
-        for index, joint in enumerate(read_tables.get("joints", ())):
-            if joint["name"] not in edges_of_contacts:
+        for index, joint in enumerate(self.joints):
+            if joint.name not in edges_of_contacts:
                 remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
-                raise InputError(f"joints[{index}]", joint["name"], remedy)
+                raise InputError(f"joints[{index}]", joint.name, remedy)
         _check_values(condition_tables, mesh)
         return problem
 
@@ -405,12 +405,12 @@ class ProblemFile(WithFields):
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
         """The problems of all load steps, on one mesh; without a history the single problem."""
-        problems, data = [self.problem], self._reader.data
-        time_tables = {name: data[name] for name in _READ_AGAIN if name in data}
+        problems = [self.problem]
+        time_tables = {name: value for name, value in self._reader.data.items() if name in _READ_AGAIN}
         for t in self.times[1:]:
             try:
                 document: Document = schema.read_table(Document, time_tables, replace(self._reader, t=t), partly=True)
-                problems.append(document.problem(self.problem.mesh, data))
+                problems.append(document.problem(self.problem.mesh))
             except InputError as error:
                 raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
         return tuple(problems)
@@ -503,7 +503,7 @@ def _from_tables(
     reader = FileReader(data, constants, times[0] if times else None, folders)
     document: Document = schema.read_table(Document, data, reader)
     problem_file = ProblemFile(
-        problem=document.problem(document.built_mesh(reader) if mesh is None else mesh, data),
+        problem=document.problem(document.built_mesh(reader) if mesh is None else mesh),
         title=document.title,
         description=document.description,
         units=document.units,
