@@ -13,7 +13,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
@@ -480,19 +479,16 @@ def _from_text(text: str, folders: tuple[Path, ...]) -> ProblemFile:
         raise InputError("TOML", line, f"correct the syntax: {hint}{error}") from error
     except RecursionError as error:
         raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
-    return replace(_from_tables(data, folders), text=text)
+    return replace(_from_tables(data, folders, None, {}), text=text)
 
 
 def _from_tables(
-    data: Mapping[str, Any],
-    folders: tuple[Path, ...],
-    mesh: TriangleMesh | None = None,
-    changed_constants: Mapping[str, float] = MappingProxyType({}),
+    data: Mapping[str, Any], folders: tuple[Path, ...], mesh: TriangleMesh | None, changed: Mapping[str, float]
 ) -> ProblemFile:
-    """The problem file of a document; `mesh` replaces the mesh, `changed_constants` the values of some constants."""
+    """The problem file of a document; `mesh` replaces the mesh, `changed` the values of some constants."""
     early_tables = {name: data[name] for name in ("constants", "history") if name in data}  # needed to read expressions
     first = schema.read_values(Document, early_tables, FileReader(data, {}), partly=True)
-    constants = {**first.get("constants", {}), **changed_constants}
+    constants = {**first.get("constants", {}), **changed}
     times = first["history"].times if "history" in first else ()
     for name, value in constants.items():
         with schema.located(f"constants.{schema.quoted(name)}", ()):

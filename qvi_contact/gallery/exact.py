@@ -301,12 +301,7 @@ def _with_names(mesh: TriangleMesh, named: dict[str, BoolArray]) -> TriangleMesh
 
 
 def jointed_slope(
-    rows: int = 6,
-    crest: int = 2,
-    *,
-    dip: float = 30.0,
-    friction: float = 0.7,
-    crack_water: float = 1.0,
+    rows: int = 6, crest: int = 2, *, dip: float = 30.0, friction: float = 0.7, crack_water: float = 1.0
 ) -> ContactProblem:
     """A rock slope whose bedding planes dip out of its face, cut by cross joints, with water in a tension crack.
 

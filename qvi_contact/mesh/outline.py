@@ -113,12 +113,7 @@ class Polygons(NamedTuple):
 
 
 def polygons(
-    corners: Line,
-    size: float,
-    holes: Sequence[Line] = (),
-    joints: object = None,
-    regions: object = None,
-    sizes: object = None,
+    corners: Line, size: float, holes: Sequence[Line], joints: object, regions: object, sizes: object
 ) -> Polygons:
     """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` names a line that is wrong."""
     size = positive_number("size", size)
