@@ -21,7 +21,7 @@ from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import cross
-from qvi_contact.mesh.selection import between, point
+from qvi_contact.mesh.selection import Point, between, point
 
 LONGEST: Final = 500.0
 """Largest ratio of a cell's length to its width; longer cells are cut, as thinner triangles lose too many digits."""
@@ -61,11 +61,7 @@ def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, bo
 
 
 def rectangle_lines(
-    cells: tuple[int, int],
-    width: float,
-    height: float,
-    origin: tuple[float, float],
-    grading: float | tuple[float, float],
+    cells: tuple[int, int], width: float, height: float, origin: Point, grading: float | Point
 ) -> tuple[FloatArray, FloatArray]:
     """Grid lines x, y of a rectangle; see `TriangleMesh.rectangle`."""
     width, height = positive_number("width", width), positive_number("height", height)
