@@ -166,11 +166,10 @@ def hanging_vertices(mesh: MeshParts, reach: float = 0.0) -> tuple[IntArray, Flo
     Coordinates may be rounded by a distance `reach` [length], on arcs relative to the radius; then vertices close to an
     end count too.
     """
-    vertices, topology, outer = mesh.vertices, mesh.topology, mesh.topology.outer
+    vertices, topology = mesh.vertices, mesh.topology
+    outer = np.flatnonzero(topology.boundary & (mesh.chords > 0.0))  # edges without length hold no vertex
     first, second = vertices.take(topology.ends.take(outer, axis=0), axis=0).swapaxes(0, 1)
-    lengths = np.hypot(*(second - first).T)
-    if not lengths.all():  # edges without length hold no vertex
-        outer, first, second, lengths = (each[lengths > 0.0] for each in (outer, first, second, lengths))
+    lengths = mesh.chords[outer]
     candidates = np.bincount(topology.ends[outer].ravel()).nonzero()[0]
     margin = 1e-6 if reach else -1e-6
     edge, vertex = in_circles(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + margin))
