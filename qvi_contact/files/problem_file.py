@@ -206,7 +206,7 @@ class Document:
                     if table.join is not None:  # arcs on both bodies have to be known before these are joined
                         on_parts = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
                         arcs = {path: arc for path, arc in arcs.items() if path not in on_parts}
-                        curves = [a.curve(parts.edge_sets[a.name or ""], parts.vertices) for a in on_parts.values()]
+                        curves = [arc.on(parts) for arc in on_parts.values()]
                         parts = cutting.joined(replace(parts, arcs=curves), table.join)
                     mesh = TriangleMesh(*parts.given)
                 except InputError as error:

@@ -20,6 +20,7 @@ from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, beyond_chords, cross, levelled, reversed_bends, turned
 from qvi_contact.mesh.selection import checked_set, point
+from solvers.errors import known_name
 
 ROUNDING: Final = 1.5e-6
 """Largest distance of a vertex from its circle, relative to the radius, or from another curve, relative to its size;
@@ -106,6 +107,10 @@ class MeshParts:
         sets = {name: new_number[pairs] for name, pairs in self.edge_sets.items()}
         arcs = [Curve(new_number[arc.edges], arc.coefficients) for arc in self.arcs]
         return MeshParts(self.vertices[is_used], new_number[self.cells], sets, self.regions, arcs)
+
+    def pairs(self, name: str) -> IntArray:
+        """Vertices (k, 2) of the edges called `name`, in a `TriangleMesh` in ascending order."""
+        return self.edge_sets[known_name("name", name, {"edge sets and joints": self.edge_sets})]
 
     @cached_property
     def topology(self) -> Topology:

@@ -397,10 +397,6 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         """
         return replace(self, arcs=(*self.arcs, fitted("curve", curve, start, stop, self.pairs(name), self.vertices)))
 
-    def pairs(self, name: str) -> IntArray:
-        """Vertices (k, 2) of the edges called `name`, in ascending order."""
-        return self.topology.ends[self.numbers(name)]
-
     def with_region(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more region, given by a function of (x, y) at centres of triangles, or by numbers."""
         new_name(name, self.regions, "region")
