@@ -33,7 +33,6 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.units import Units
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.certificate.certificate import EXPONENTS
-from solvers.errors import plain
 
 FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 2
@@ -80,12 +79,6 @@ def json_ready(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def _refuse_other_version(field: str, path: str, version: object) -> None:
-    if version != FORMAT_VERSION:
-        remedy = f"only version {FORMAT_VERSION} is known here: take the version of qvi-contact that wrote this"
-        raise InputError(field, f"{path}, version {plain(version)}", remedy)
-
-
 class Archive:
     """An archive file that was read: `arrays` has all entries by name, each method checks one and returns it.
 
@@ -108,7 +101,10 @@ class Archive:
             raise InputError("result", self.path, f"cannot be read ({text}): {_REMEDY}") from error
         if "format" not in self.arrays or self.text("format") != FORMAT:
             raise InputError("result", self.path, f"is not a result that can be checked: {_REMEDY}")
-        _refuse_other_version("result", self.path, self.count("format_version"))
+        version = self.count("format_version")
+        if version != FORMAT_VERSION:
+            remedy = f"only version {FORMAT_VERSION} is known here: take the version of qvi-contact that wrote this"
+            raise InputError("result", f"{self.path}, version {version}", remedy)
 
     @property
     def intact(self) -> bool:
@@ -365,10 +361,8 @@ class StepStore(Sequence[ContactResult]):
             existing: Any = None
             with suppress(OSError, ValueError, RecursionError):
                 existing = json.loads(header.read_text(encoding="utf-8"))
-            if isinstance(existing, dict) and existing.get("format") == expected["format"]:
-                _refuse_other_version("store", str(header), existing.get("version"))
             if existing != expected:
-                remedy = "belongs to another history, with other problems or options, or to none: give a new folder"
+                remedy = "belongs to another history, with other problems, options or version: give a new folder"
                 raise InputError("store", str(header), remedy)
         else:
             write_text(header, json.dumps(expected, indent=2) + "\n", "store")
