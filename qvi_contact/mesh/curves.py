@@ -64,16 +64,16 @@ class Curve:
         return Curve(topology.ends[chosen], bends[np.argsort(topology.number(pairs))])
 
 
-def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray, field: str = "") -> Curve:
+def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray) -> Curve:
     """The edges (k, 2) as arcs of a circle, always the shorter arc; `InputError` if a vertex is off the circle."""
-    centre_point, radius = np.array(point(f"{field}centre", centre)), positive_number(f"{field}radius", radius)
+    centre_point, radius = np.array(point("centre", centre)), positive_number("radius", radius)
     pairs = np.unique(np.sort(edges, axis=1), axis=0)
     ends = vertices[np.unique(pairs)]
     off = np.abs(np.hypot(*(ends - centre_point).T) - radius)
     worst = int(np.argmax(off))
     if off[worst] > ROUNDING * radius:
         remedy = f"the vertex {place_of(ends[worst])} is {off[worst]:.3g} off this circle: correct centre or radius"
-        raise InputError(f"{field}radius", radius, remedy)
+        raise InputError("radius", radius, remedy)
     first, second = (vertices[end] - centre_point for end in pairs.T)
     turn = np.arctan2(cross(first, second), (first * second).sum(axis=1))
     return Curve(pairs, np.column_stack([np.zeros(len(turn)), turn / 2.0]))
