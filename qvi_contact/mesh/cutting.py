@@ -84,7 +84,8 @@ def refuse_flaws(mesh: MeshParts) -> None:
     _refuse(in_one_place, same_place, vertices[same_place[:, 0]])
     pinched = np.flatnonzero(np.bincount(topology.ends[topology.boundary].ravel()) > 2)
     _refuse("this vertex at {} alone connects two parts of the body: fill or cut there", pinched, vertices[pinched])
-    piece = linked(*topology.cells[topology.count == 2].T, len(cells))  # of triangles joined by edges
+    one, other = topology.cells[topology.count == 2].T
+    piece = linked(one, other, len(cells))  # triangles with a common edge are in one piece
     if piece.any():
         from scipy.spatial import cKDTree  # slow to import, and few meshes need it
 
@@ -363,7 +364,8 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
         raise InputError("join", name, "this edge set exists already: choose another name")
     new_name(name)
     vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
-    piece = linked(*topology.cells[topology.count == 2].T, len(cells))  # of triangles joined by edges
+    one, other = topology.cells[topology.count == 2].T
+    piece = linked(one, other, len(cells))  # triangles with a common edge are in one piece
     own_piece = np.empty(len(vertices), dtype=np.int64)
     own_piece[cells] = piece[:, None]
     # merge vertices of different pieces that coincide up to rounding

@@ -136,7 +136,7 @@ def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -
     low, high, tolerance, ranges = _box(vertices, x, y)
     if not ranges:
         raise InputError("box", ranges, "give a range of x, of y, or both: without them it is the whole boundary")
-    is_inside = ((vertices >= low - tolerance) & (vertices <= high + tolerance)).all(axis=1)
+    is_inside = np.asarray(((vertices >= low - tolerance) & (vertices <= high + tolerance)).all(axis=1))
     pairs = np.asarray(topology.ends[is_inside[topology.ends].all(axis=1) & topology.boundary])
     if not len(pairs):
         raise InputError("box", ranges, "no edge of the boundary lies in this box: make it larger")
