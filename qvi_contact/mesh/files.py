@@ -64,35 +64,31 @@ def read_mesh(path: str | Path) -> MeshParts:
     path = given_path("mesh", path)
     mesh = _read(path)
     if not len(mesh.cells):
-        raise _refused(path, "holds no triangles")
+        raise InputError("mesh", str(path), "holds no triangles")
     extent = np.ptp(mesh.vertices, axis=0)
     if len(extent) == 3 and extent[2] > _PLANE_TOLERANCE * extent[:2].max():
-        raise _refused(path, "is not plane: all points must have one coordinate z")
+        raise InputError("mesh", str(path), "is not plane: all points must have one coordinate z")
     for numbers in (mesh.cells, *mesh.edge_sets.values()):
         if ((numbers < 0) | (numbers >= len(mesh.vertices))).any():
             n_nodes = f"(it has {len(mesh.vertices)})"
-            raise _refused(path, f"joins nodes that it does not hold {n_nodes}: write the mesh again")
+            raise InputError("mesh", str(path), f"joins nodes that it does not hold {n_nodes}: write the mesh again")
     cells, parent = triangles_of(mesh.vertices[:, :2], mesh.cells)
     if len(cells) > _MAX_TRIANGLES:
-        raise _refused(path, f"holds {len(cells)} triangles: give at most {_MAX_TRIANGLES}")
+        raise InputError("mesh", str(path), f"holds {len(cells)} triangles: give at most {_MAX_TRIANGLES}")
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
     vertices = np.ascontiguousarray(mesh.vertices[:, :2])
     return MeshParts(vertices, np.sort(cells, axis=1), mesh.edge_sets, regions).without_others()
-
-
-def _refused(path: Path, remedy: str) -> InputError:
-    return InputError("mesh", str(path), remedy)
 
 
 def _read(path: Path) -> MeshParts:
     """The mesh in a file, with points (n, 2 or 3) and cells (m, 4), where triangles have their last corner twice."""
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
-        raise _refused(path, f"give a file with one of the endings {', '.join(_FORMATS)}")
+        raise InputError("mesh", str(path), f"give a file with one of the endings {', '.join(_FORMATS)}")
     with reading("mesh", path) as source:
         size = path.stat().st_size
         if size > _MAX_BYTES:
-            raise _refused(path, f"holds more than {_MAX_BYTES} bytes, the limit: give a coarser mesh")
+            raise InputError("mesh", str(path), f"holds more than {_MAX_BYTES} bytes, the limit: give a coarser mesh")
         if reader == "gmsh":
             mesh = _GmshFile(source, size).read()
         elif reader == "abaqus":
