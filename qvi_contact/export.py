@@ -262,17 +262,17 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
         contact_data: _Data = {name: (values, "stress") for name, values in stresses.items()}
         contact_data |= {"gap": (line.gap, "displacement"), "slip": (line.slip, "displacement")}
         parts.append(contact_data | {"state": (line.state.astype(np.float64), ""), "normal": (normal, "")})
-        on_path, order = line.path, line.path.points(line.points_per_edge)
+        on_path, order = line.path, n_points + line.path.points(line.points_per_edge)
         starts, stops = (line.ends[on_path.edges, end.astype(int)] for end in (~on_path.forward, on_path.forward))
-        next_edge = np.concatenate([np.roll(edges, -1) for edges in on_path.lines])
-        is_continued = (stops == starts[next_edge]).all(axis=1)
-        segments.append(n_points + np.column_stack([order[:, :-1].ravel(), order[:, 1:].ravel()]))
-        segments.append(n_points + np.column_stack([order[is_continued, -1], order[next_edge[is_continued], 0]]))
-        segment_contacts.append(np.full(len(segments[-2]) + len(segments[-1]), index))
+        for edges in on_path.lines:
+            chain, is_closed = order[edges].ravel(), (starts[edges[0]] == stops[edges[-1]]).all()
+            chain = np.append(chain, chain[: int(is_closed)])  # a closed line leads back to its first point
+            segments.append(np.column_stack([chain[:-1], chain[1:]]))
+            segment_contacts += [index] * (len(chain) - 1)
         n_points += len(line.x)
     points = np.concatenate([np.column_stack([line.x, line.y]) for line in result.contacts.values()])
     data = {name: (np.concatenate([part[name][0] for part in parts]), of) for name, (_, of) in parts[0].items()}
-    cell_data: _Data = {"contact": (np.concatenate(segment_contacts), "")}
+    cell_data: _Data = {"contact": (np.array(segment_contacts), "")}
     _write_grid(path, points, np.concatenate(segments), data, cell_data, units)
 
 

@@ -59,6 +59,9 @@ Writer: TypeAlias = Callable[[str, object], object]
 class Kind:
     """The values of a key: read from a file, given in Python, written to a file."""
 
+    values = ""
+    """The values in words, for the list of all keys."""
+
     def read(self, value: Any, reader: Reader) -> Any:  # noqa: ARG002
         """The Python value of a value in a file; `InputError` if it is not of this kind."""
         return self.check("", value)
@@ -82,6 +85,7 @@ def _check_range(name: str, value: float, least: float, most: float) -> None:
 class Number(Kind):
     """A finite number, from `least` to `most`; above zero if `positive`."""
 
+    values = "number"
     least: float = -LARGEST
     most: float = LARGEST
     positive: bool = False
@@ -98,6 +102,7 @@ class Number(Kind):
 class Whole(Kind):
     """A whole number from `least` to `most`."""
 
+    values = "whole number"
     least: int = -(2**63)
     most: int = 2**63 - 1
 
@@ -110,6 +115,8 @@ class Whole(Kind):
 
 class Truth(Kind):
     """True or false; Python's 1 and 0 are no values in a file."""
+
+    values = "true or false"
 
     def read(self, value: Any, reader: Reader) -> bool:  # noqa: ARG002
         if not isinstance(value, bool):
@@ -126,6 +133,7 @@ class Truth(Kind):
 class Text(Kind):
     """A text; if `name`, one line of at most 100 characters."""
 
+    values = "text"
     name: bool = False
 
     def check(self, name: str, value: Any) -> str:
@@ -155,6 +163,7 @@ class Choice(Kind):
 class Varying(Kind):
     """A field: a number of at least `least`, or a function of (x, y); `instead` is the remedy if zero is refused."""
 
+    values = "number, expression or polynomial"
     least: float | None = None
     instead: str = ""
 
@@ -176,6 +185,8 @@ class Varying(Kind):
 
 class Scalar(Number):
     """A number; in a file also an expression of constants and t."""
+
+    values = "number or expression"
 
     def read(self, value: Any, reader: Reader) -> float:
         """The number at the time t of the reader."""
@@ -246,6 +257,7 @@ class Named(Kind):
 class Table(Kind):
     """The fields of a dataclass as a table."""
 
+    values = "table"
     of: type
 
     def read(self, value: Any, reader: Reader) -> Any:
@@ -271,6 +283,7 @@ class Options(Table):
 class Tables(Kind):
     """A list of tables, [[name]]."""
 
+    values = "tables"
     of: type
     most: int | None = MOST
 
@@ -291,6 +304,7 @@ class Inline(Table):
 class Tagged(Kind):
     """One of several dataclasses; the key `law` is the `kind` of the class."""
 
+    values = "table with a law"
     classes: tuple[type, ...]
 
     def read(self, value: Any, reader: Reader) -> Any:

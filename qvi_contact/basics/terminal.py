@@ -111,17 +111,14 @@ def _status(command: click.Command, name: str) -> int:
     except click.ClickException as error:
         return _complain(name, error.format_message())
     except QVIError as error:
-        status = _complain(name, str(error))
-        return status if isinstance(error, InputError) else 1  # others mean that no answer was found
+        return _complain(name, str(error), 2 if isinstance(error, InputError) else 1)  # 1: no answer was found
     except MemoryError as error:
-        _complain(name, f"out of memory ({str(error) or 'no details'}): take a coarser mesh or a lower degree")
-        return 1
+        reason = str(error) or "no details"
+        return _complain(name, f"out of memory ({reason}): take a coarser mesh or a lower degree", 1)
     except (click.Abort, KeyboardInterrupt):
-        _say(f"{name}: interrupted")
-        return 130
+        return _complain(name, "interrupted", 130)
     except TerminatedError:
-        _say(f"{name}: terminated")
-        return _TERMINATED
+        return _complain(name, "terminated", _TERMINATED)
 
 
 @contextmanager
@@ -149,18 +146,15 @@ class _Output:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    def write(self, text: str) -> int:
-        with self._remembering():
-            return self._stream.write(text)
+    def write(self, text: str) -> Any:
+        return self._tried(self._stream.write, text)
 
     def flush(self) -> None:
-        with self._remembering():
-            self._stream.flush()
+        self._tried(self._stream.flush)
 
-    @contextmanager
-    def _remembering(self) -> Iterator[None]:
+    def _tried(self, method: Callable[..., Any], *arguments: str) -> Any:
         try:
-            yield
+            return method(*arguments)
         except OSError as error:
             self.error = error
             raise
@@ -176,18 +170,17 @@ class _Output:
 class _Errors(_Output):
     """Standard error that goes to the null device after a failed write; at a broken pipe Rich would end the output."""
 
-    @contextmanager
-    def _remembering(self) -> Iterator[None]:
+    def _tried(self, method: Callable[..., Any], *arguments: str) -> Any:
         try:
-            yield
+            return method(*arguments)
         except OSError:
             self.give_up()
 
 
-def _complain(name: str, message: str) -> int:
-    """Print an error in one line, and return the exit status 2."""
+def _complain(name: str, message: str, status: int = 2) -> int:
+    """Print an error in one line, and return the exit status."""
     _say(f"{name}: {' '.join(message.split())}")
-    return 2
+    return status
 
 
 def _say(line: str) -> None:

@@ -15,7 +15,7 @@ from qvi_contact import export
 from qvi_contact.basics.schema import write_table
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.errors import place_of
-from qvi_contact.files.problem_file import ProblemFile
+from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile
 from qvi_contact.mechanism import Bodies, works
 from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, PointData, Polynomial
@@ -403,14 +403,10 @@ def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict
 _NOISE: Final = 1e-12  # a resultant below this share of the sum of the loads' magnitudes is rounding
 
 
-def outline(file: ProblemFile, arguments: Mapping[str, Any]) -> tuple[ContactProblem, dict[str, Any]]:
-    """The problem at its first time, discretised but not solved, and its description for JSON.
-
-    `arguments` are those of `discretize` that override the file's.
-    """
-    options = {**file.solve_options, **arguments}
-    with file.named_errors(), np.errstate(all="ignore"):  # values that are not finite are refused
-        discretization = discretize(file.problem, **{**file.element, **arguments})
+def outline(file: ProblemFile, options: Mapping[str, Any]) -> tuple[ContactProblem, dict[str, Any]]:
+    """The problem at its first time, discretised but not solved, and its description for JSON, with these options."""
+    element = {name: value for name, value in options.items() if name in ELEMENT_OPTIONS}
+    discretization = discretize(file.problem, **element)
     problem, mesh, qvi = discretization.problem, discretization.problem.mesh, discretization.qvi
     low, high = mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()
     smallest, largest = mesh.cell_range

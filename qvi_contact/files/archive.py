@@ -9,7 +9,7 @@ shows whether a file was changed after it was written. Who changes the digest to
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from copy import copy
 from pathlib import Path
 from typing import Any, Final
@@ -33,7 +33,6 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.units import Units
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.certificate.certificate import EXPONENTS
-from solvers.errors import plain
 
 FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 2
@@ -80,12 +79,6 @@ def json_ready(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def _refuse_other_version(field: str, path: str, version: object) -> None:
-    if version != FORMAT_VERSION:
-        remedy = f"only version {FORMAT_VERSION} is known here: take the version of qvi-contact that wrote this"
-        raise InputError(field, f"{path}, version {plain(version)}", remedy)
-
-
 class Archive:
     """An archive file that was read: `arrays` has all entries by name, each method checks one and returns it.
 
@@ -108,7 +101,10 @@ class Archive:
             raise InputError("result", self.path, f"cannot be read ({text}): {_REMEDY}") from error
         if "format" not in self.arrays or self.text("format") != FORMAT:
             raise InputError("result", self.path, f"is not a result that can be checked: {_REMEDY}")
-        _refuse_other_version("result", self.path, self.count("format_version"))
+        version = self.count("format_version")
+        if version != FORMAT_VERSION:
+            remedy = f"only version {FORMAT_VERSION} is known here: take the version of qvi-contact that wrote this"
+            raise InputError("result", f"{self.path}, version {version}", remedy)
 
     @property
     def intact(self) -> bool:
@@ -147,10 +143,9 @@ class Archive:
 
     def mapping(self, name: str) -> dict[str, Any]:
         """A text that is a JSON object."""
-        try:
-            document = json.loads(self.text(name))
-        except (ValueError, RecursionError) as error:
-            raise self.refused(name, "is not a JSON document") from error
+        text, document = self.text(name), None
+        with suppress(ValueError, RecursionError):
+            document = json.loads(text)
         if not isinstance(document, dict):
             raise self.refused(name, "is not a JSON object")
         return document
@@ -246,14 +241,13 @@ def result_from_archive(archive: Archive) -> ContactResult:
         )
         raise InputError("result", archive.path, remedy)
 
+    law_on: Any = archive.text("law_on")
+    degree = archive.count("degree")
+
     def discretized(scales: Scales) -> Discretization:
         try:
-            law_on: Any = archive.text("law_on")
-            problem = problem_from_toml(text).problem
-            return discretize(problem, scales=scales, degree=archive.count("degree"), law_on=law_on)
+            return discretize(problem_from_toml(text).problem, scales=scales, degree=degree, law_on=law_on)
         except InputError as error:
-            if error.field == "result":  # the message names the file already
-                raise
             raise archive.refused("problem", f"holds a problem that cannot be solved ({error})") from error
 
     return answer_from_archive(archive, discretized)
@@ -364,23 +358,18 @@ class StepStore(Sequence[ContactResult]):
             raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
         held.enter_context(locked(header))
         if header.exists():
-            try:
-                existing: Any = json.loads(header.read_text(encoding="utf-8"))
-            except (OSError, ValueError, RecursionError):
-                existing = None
-            if isinstance(existing, dict) and existing.get("format") == expected["format"]:
-                _refuse_other_version("store", str(header), existing.get("version"))
+            existing: Any = None
+            with suppress(OSError, ValueError, RecursionError):
+                existing = json.loads(header.read_text(encoding="utf-8"))
             if existing != expected:
-                remedy = "belongs to another history, with other problems or options, or to none: give a new folder"
+                remedy = "belongs to another history, with other problems, options or version: give a new folder"
                 raise InputError("store", str(header), remedy)
         else:
             write_text(header, json.dumps(expected, indent=2) + "\n", "store")
         self._all_statuses: list[Status] = []
-        while len(self._all_statuses) < planned:
-            try:
-                self._all_statuses.append(Status(self._archive(len(self._all_statuses) + 1).text("status")))
-            except (InputError, ValueError):
-                break
+        with suppress(InputError, ValueError):  # of the first step that is missing or damaged
+            for number in range(1, planned + 1):
+                self._all_statuses.append(Status(self._archive(number).text("status")))
 
     def __len__(self) -> int:
         return len(self._numbers)

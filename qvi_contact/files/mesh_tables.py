@@ -15,7 +15,7 @@ import numpy as np
 from qvi_contact.basics import schema
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.curves import Curve, circle, ellipse, fitted
+from qvi_contact.mesh.curves import Curve, MeshParts, circle, ellipse, fitted
 from qvi_contact.mesh.grid import checked_lines, graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Line, Point
 from qvi_contact.mesh.selection import checked_set, edges_in_box, edges_on_segment
@@ -65,6 +65,7 @@ class Segment:
 class Axis(schema.Kind):
     """Grid lines: a list of them, a piece, or a list of pieces."""
 
+    values = "list of numbers, piece or list of pieces"
     of = Segment
 
     def read(self, value: Any, reader: schema.Reader) -> FloatArray:
@@ -282,22 +283,20 @@ class ArcTable:
             remedy = schema.ADD if self.centre is None else "bends need no centre: leave it out"
             raise InputError("centre", self.centre, remedy)
 
-    def on(self, mesh: TriangleMesh) -> Curve:
+    def on(self, mesh: MeshParts) -> Curve:
         """The curve that the edges of this table follow in the mesh."""
         if self.bends is not None:
             bends = real_array("bends", self.bends, "give rows of as many numbers")
             return Curve(np.array(self.edges, dtype=np.int64).reshape(-1, 2), bends).checked("", mesh.topology)
-        if self.name is not None:
-            return self.curve(mesh.pairs(self.name), mesh.vertices)
-        return self.curve(mesh.topology.ends[checked_set("edges", self.edges or [], mesh.topology)], mesh.vertices)
-
-    def curve(self, pairs: IntArray, vertices: FloatArray) -> Curve:
-        """The circle or ellipse of this table along edges, given by pairs of vertices (k, 2)."""
         assert self.centre is not None  # checked above
+        if self.name is not None:
+            pairs = mesh.pairs(self.name)
+        else:
+            pairs = mesh.topology.ends[checked_set("edges", self.edges or [], mesh.topology)]
         if self.axes is not None:
             parametrisation = ellipse(self.centre, self.axes, self.angle or 0.0)
-            return fitted("axes", parametrisation, 0.0, 2.0 * np.pi, pairs, vertices)
-        return circle(self.centre, self.radius or 0.0, pairs, vertices)
+            return fitted("axes", parametrisation, 0.0, 2.0 * np.pi, pairs, mesh.vertices)
+        return circle(self.centre, self.radius or 0.0, pairs, mesh.vertices)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

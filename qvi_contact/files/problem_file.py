@@ -13,7 +13,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
@@ -87,6 +86,7 @@ def evenly(start: float, stop: float, count: int) -> tuple[float, ...]:
 class Values(schema.Kind):
     """Numbers, at least one, as a list or a range."""
 
+    values = "list of numbers, or range"
     of = TimeRange
 
     def read(self, value: Any, reader: schema.Reader) -> tuple[float, ...]:
@@ -206,7 +206,7 @@ class Document:
                     if table.join is not None:  # arcs on both bodies have to be known before these are joined
                         on_parts = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
                         arcs = {path: arc for path, arc in arcs.items() if path not in on_parts}
-                        curves = [a.curve(parts.edge_sets[a.name or ""], parts.vertices) for a in on_parts.values()]
+                        curves = [arc.on(parts) for arc in on_parts.values()]
                         parts = cutting.joined(replace(parts, arcs=curves), table.join)
                     mesh = TriangleMesh(*parts.given)
                 except InputError as error:
@@ -251,8 +251,8 @@ class Document:
                 mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
         return mesh
 
-    def problem(self, mesh: TriangleMesh, read_tables: Mapping[str, Any]) -> ContactProblem:
-        """The problem on the mesh, with all functions checked; `read_tables` is the document as TOML gives it."""
+    def problem(self, mesh: TriangleMesh) -> ContactProblem:
+        """The problem on the mesh, with all functions checked."""
         forces: Field = self.body_potential
         if self.body_forces:
             with schema.located("body_forces", ()):
@@ -280,10 +280,10 @@ class Document:
             with schema.located(field_path, ()):
                 raise
         edges_of_contacts = {contact.edges for contact in self.contacts}
-        for index, joint in enumerate(read_tables.get("joints", ())):
-            if joint["name"] not in edges_of_contacts:
+        for index, joint in enumerate(self.joints):
+            if joint.name not in edges_of_contacts:
                 remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
-                raise InputError(f"joints[{index}]", joint["name"], remedy)
+                raise InputError(f"joints[{index}]", joint.name, remedy)
         _check_values(condition_tables, mesh)
         return problem
 
@@ -344,7 +344,7 @@ class FileReader:
         if isinstance(value, bool) or not isinstance(value, int | float):
             remedy = "give a number, an expression in quotes, or { polynomial = [[c00, c01], [c10]] }"
             raise InputError("", value, remedy)
-        return float(value)
+        return schema.FINITE.check("", value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -404,12 +404,12 @@ class ProblemFile(WithFields):
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
         """The problems of all load steps, on one mesh; without a history the single problem."""
-        problems, data = [self.problem], self._reader.data
-        time_tables = {name: data[name] for name in _READ_AGAIN if name in data}
+        problems = [self.problem]
+        time_tables = {name: value for name, value in self._reader.data.items() if name in _READ_AGAIN}
         for t in self.times[1:]:
             try:
                 document: Document = schema.read_table(Document, time_tables, replace(self._reader, t=t), partly=True)
-                problems.append(document.problem(self.problem.mesh, data))
+                problems.append(document.problem(self.problem.mesh))
             except InputError as error:
                 raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
         return tuple(problems)
@@ -470,10 +470,8 @@ def _from_text(text: str, folders: tuple[Path, ...]) -> ProblemFile:
         raise InputError("TOML", text[:200], _TOO_LONG)
     try:
         data = tomllib.loads(text)
-        _check_scalars(data, "")
-    except InputError:
-        raise
-    except ValueError as error:  # of tomllib, or of int for too many digits
+        _ = repr(data)  # which messages need: it fails for too many digits, and too deep tables
+    except ValueError as error:
         _, separator, rest = str(error).partition("at line ")  # the parser's message may name a line
         number, lines = rest.split(",")[0], text.splitlines()
         line = lines[int(number) - 1] if separator and number.isdigit() and 0 < int(number) <= len(lines) else ""
@@ -481,48 +479,27 @@ def _from_text(text: str, folders: tuple[Path, ...]) -> ProblemFile:
         raise InputError("TOML", line, f"correct the syntax: {hint}{error}") from error
     except RecursionError as error:
         raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
-    return replace(_from_tables(data, folders), text=text)
-
-
-def _check_scalars(value: object, path: str) -> None:
-    """Refuse values that TOML allows but no key takes: dates, too large and infinite numbers."""
-    if isinstance(value, dict):
-        for name, item in value.items():
-            _check_scalars(item, schema.joined(path, schema.quoted(name)))
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            _check_scalars(item, f"{path}[{index}]")
-    elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # TOML's whole numbers have 64 bits
-        raise InputError(path, f"a number of {value.bit_length()} bits", "give a whole number of at most 64 bits")
-    elif isinstance(value, float) and not abs(value) <= schema.LARGEST:
-        remedy = f"give a finite number, of at most {schema.LARGEST:g}: take other units if you need more"
-        raise InputError(path, value, remedy)
-    elif not isinstance(value, int | float | str):
-        remedy = "give a number, a text in quotes, a list or a table; dates are not used here"
-        raise InputError(path, str(value), remedy)
+    return replace(_from_tables(data, folders, None, {}), text=text)
 
 
 def _from_tables(
-    data: Mapping[str, Any],
-    folders: tuple[Path, ...],
-    mesh: TriangleMesh | None = None,
-    changed_constants: Mapping[str, float] = MappingProxyType({}),
+    data: Mapping[str, Any], folders: tuple[Path, ...], mesh: TriangleMesh | None, changed: Mapping[str, float]
 ) -> ProblemFile:
-    """The problem file of a document; `mesh` replaces the mesh, `changed_constants` the values of some constants."""
+    """The problem file of a document; `mesh` replaces the mesh, `changed` the values of some constants."""
     early_tables = {name: data[name] for name in ("constants", "history") if name in data}  # needed to read expressions
     first = schema.read_values(Document, early_tables, FileReader(data, {}), partly=True)
-    constants = {**first.get("constants", {}), **changed_constants}
+    constants = {**first.get("constants", {}), **changed}
     times = first["history"].times if "history" in first else ()
     for name, value in constants.items():
         with schema.located(f"constants.{schema.quoted(name)}", ()):
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
-            _check_scalars(float(value), "")  # also of changed constants
+            _ = schema.FINITE.check("", value)  # also changed constants
     reader = FileReader(data, constants, times[0] if times else None, folders)
     document: Document = schema.read_table(Document, data, reader)
     problem_file = ProblemFile(
-        problem=document.problem(document.built_mesh(reader) if mesh is None else mesh, data),
+        problem=document.problem(document.built_mesh(reader) if mesh is None else mesh),
         title=document.title,
         description=document.description,
         units=document.units,

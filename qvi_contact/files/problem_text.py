@@ -15,16 +15,7 @@ from qvi_contact.basics.checks import instance_of
 from qvi_contact.basics.schema import file_keys, write_table
 from qvi_contact.basics.writing import write_text
 from qvi_contact.errors import InputError
-from qvi_contact.files.mesh_tables import Axis
-from qvi_contact.files.problem_file import (
-    TABLES,
-    VERSION,
-    Document,
-    PointDataTable,
-    PolynomialTable,
-    Values,
-    problem_from_toml,
-)
+from qvi_contact.files.problem_file import TABLES, VERSION, Document, PointDataTable, PolynomialTable, problem_from_toml
 from qvi_contact.problem.fields import BodyForces, Expression, Polynomial
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.units import Units
@@ -56,8 +47,7 @@ def problem_to_toml(
     instance_of(ContactProblem, "problem", problem, remedy)
     for name, value in (("title", title), ("description", description)):
         instance_of(str, name, value, "give a text")
-    if units is not None:
-        instance_of(Units, "units", units, "give Units, or nothing")
+    Units.labels(units, {})  # raises if these are no units
     text = unchecked_toml(problem, title, description, units)
     problem_from_toml(text)  # raises for values that only Python allows, such as names of several lines
     return text
@@ -144,20 +134,6 @@ HEADINGS: Final[dict[str, type]] = {
 }
 """Heading → class that declares the table."""
 
-_WORDS: Final[tuple[tuple[type[schema.Kind], str], ...]] = (
-    (schema.Varying, "number, expression or polynomial"),
-    (schema.Scalar, "number or expression"),
-    (schema.Number, "number"),
-    (schema.Whole, "whole number"),
-    (schema.Truth, "true or false"),
-    (schema.Text, "text"),
-    (schema.Tables, "tables"),
-    (schema.Tagged, "table with a law"),
-    (schema.Table, "table"),
-    (Axis, "list of numbers, piece or list of pieces"),
-    (Values, "list of numbers, or range"),
-)
-
 
 class Key(NamedTuple):
     """A key of a table: the values it takes, its default or "needed", its meaning, and an example in TOML."""
@@ -225,4 +201,4 @@ def _values(kind: schema.Kind) -> str:
         return f"list of {f'{kind.most} × ' if kind.most == kind.least else ''}{_values(kind.kind)}"
     if isinstance(kind, schema.Named):
         return f"table by names, each {_values(kind.kind)}"
-    return next(word for of, word in _WORDS if isinstance(kind, of))
+    return kind.values

@@ -20,6 +20,7 @@ from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, beyond_chords, cross, levelled, reversed_bends, turned
 from qvi_contact.mesh.selection import checked_set, point
+from solvers.errors import known_name
 
 ROUNDING: Final = 1.5e-6
 """Largest distance of a vertex from its circle, relative to the radius, or from another curve, relative to its size;
@@ -50,9 +51,8 @@ class Curve:
         if bends.ndim != 2 or len(bends) != len(pairs) or not bends.shape[1]:
             raise InputError(field, f"shape {bends.shape}", f"give {len(pairs)} rows of numbers, one for each edge")
         if not (np.abs(bends) <= np.pi).all():
-            raise InputError(
-                field, float(np.abs(bends).max()), "give angles [rad] from the chord, numbers from -π to π"
-            )
+            remedy = "give angles [rad] from the chord, numbers from -π to π"
+            raise InputError(field, float(np.abs(bends).max()), remedy)
         difference = float(np.abs(levelled(bends) - bends).max())
         if difference > _CHORD_TOLERANCE:
             remedy = "these angles count from a line that is this angle [rad] off the chord: correct it"
@@ -64,16 +64,16 @@ class Curve:
         return Curve(topology.ends[chosen], bends[np.argsort(topology.number(pairs))])
 
 
-def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray, field: str = "") -> Curve:
+def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray) -> Curve:
     """The edges (k, 2) as arcs of a circle, always the shorter arc; `InputError` if a vertex is off the circle."""
-    centre_point, radius = np.array(point(f"{field}centre", centre)), positive_number(f"{field}radius", radius)
+    centre_point, radius = np.array(point("centre", centre)), positive_number("radius", radius)
     pairs = np.unique(np.sort(edges, axis=1), axis=0)
     ends = vertices[np.unique(pairs)]
     off = np.abs(np.hypot(*(ends - centre_point).T) - radius)
     worst = int(np.argmax(off))
     if off[worst] > ROUNDING * radius:
         remedy = f"the vertex {place_of(ends[worst])} is {off[worst]:.3g} off this circle: correct centre or radius"
-        raise InputError(f"{field}radius", radius, remedy)
+        raise InputError("radius", radius, remedy)
     first, second = (vertices[end] - centre_point for end in pairs.T)
     turn = np.arctan2(cross(first, second), (first * second).sum(axis=1))
     return Curve(pairs, np.column_stack([np.zeros(len(turn)), turn / 2.0]))
@@ -107,6 +107,10 @@ class MeshParts:
         sets = {name: new_number[pairs] for name, pairs in self.edge_sets.items()}
         arcs = [Curve(new_number[arc.edges], arc.coefficients) for arc in self.arcs]
         return MeshParts(self.vertices[is_used], new_number[self.cells], sets, self.regions, arcs)
+
+    def pairs(self, name: str) -> IntArray:
+        """Vertices (k, 2) of the edges called `name`, in a `TriangleMesh` in ascending order."""
+        return self.edge_sets[known_name("name", name, {"edge sets and joints": self.edge_sets})]
 
     @cached_property
     def topology(self) -> Topology:

@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number, real_array, whole_number
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number, real_array
 from qvi_contact.basics.schema import LARGEST, located
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bent_too_far
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, part_of, reversed_bends, shares_along
-from qvi_contact.mesh.selection import crossing, in_circles, known_edges, new_name, numbers_of
+from qvi_contact.mesh.selection import between, crossing, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
 _EQUAL: Final = 1e-9  # sides whose lengths differ by less, relative to the longer one, are equally long
@@ -56,36 +56,36 @@ def refuse_flaws(mesh: MeshParts) -> None:
     corners = vertices.take(cells, axis=0)
     sides = corners - corners[:, [2, 0, 1]]
     is_flat = np.abs(cross(sides[:, 0], sides[:, 1])) <= _FLAT_HEIGHT * np.square(sides).sum(axis=2).max(axis=1)
-    _refuse(is_flat, cells, "the triangle of these vertices at {} has no area: leave it out", corners[:, 0])
-    all_vertices = np.arange(len(vertices))
-    is_unused = np.bincount(cells.ravel(), minlength=len(vertices)) == 0
-    _refuse(is_unused, all_vertices, "this vertex at {} belongs to no triangle: leave it out", vertices)
+    _refuse("the triangle of these vertices at {} has no area: leave it out", cells[is_flat], corners[is_flat, 0])
+    unused = np.flatnonzero(np.bincount(cells.ravel(), minlength=len(vertices)) == 0)
+    _refuse("this vertex at {} belongs to no triangle: leave it out", unused, vertices[unused])
     first, second = vertices.take(topology.ends, axis=0).swapaxes(0, 1)
     midpoints = (first + second) / 2.0
+    is_shared = topology.count > 2
     sharing = "more than two triangles share the edge of these vertices around {}: leave out the others"
-    _refuse(topology.count > 2, topology.ends, sharing, midpoints)
+    _refuse(sharing, topology.ends[is_shared], midpoints[is_shared])
     centres = corners.sum(axis=1).take(topology.cells, axis=0) / 3.0
     side_1, side_2 = (cross(second - first, centres[:, side] - first) for side in (0, 1))
     is_folded = (topology.count == 2) & (side_1 * side_2 > 0.0)
     overlap = "the triangles at the edge of these vertices around {} lie on one side of it and overlap: correct one"
-    _refuse(is_folded, topology.ends, overlap, midpoints)
-    hanging, same_place = hanging_vertices(mesh)[0], same_places(vertices)
-    inside_edges = (
+    _refuse(overlap, topology.ends[is_folded], midpoints[is_folded])
+    hanging = hanging_vertices(mesh)[0]
+    inside_edge = (
         "the first of these vertices, at {}, lies inside the edge of the others: divide the triangle there. Two "
         "bodies whose vertices do not match along a line are meshed as one with common nodes (BooleanFragments in "
         "Gmsh), or `join` with a name for the line does so; a Contact along it separates them"
     )
+    _refuse(inside_edge, np.column_stack([hanging[:, 0], topology.ends[hanging[:, 1]]]), vertices[hanging[:, 0]])
+    same_place = same_places(vertices)
     in_one_place = (
         "these vertices lie in the same place {}: merge them (Coherence Mesh in Gmsh), and name the line if two "
         "bodies touch there; a Contact along it separates them"
     )
-    hanging = np.column_stack([hanging[:, 0], topology.ends[hanging[:, 1]]])
-    for vertex_numbers, remedy in ((hanging, inside_edges), (same_place, in_one_place)):
-        _refuse(np.ones(len(vertex_numbers), dtype=bool), vertex_numbers, remedy, vertices[vertex_numbers[:, 0]])
-    is_pinched = np.bincount(topology.ends[topology.boundary].ravel(), minlength=len(vertices)) > 2
-    pinching = "this vertex at {} alone connects two parts of the body: fill or cut there"
-    _refuse(is_pinched, all_vertices, pinching, vertices)
-    piece = pieces(topology, len(cells))
+    _refuse(in_one_place, same_place, vertices[same_place[:, 0]])
+    pinched = np.flatnonzero(np.bincount(topology.ends[topology.boundary].ravel()) > 2)
+    _refuse("this vertex at {} alone connects two parts of the body: fill or cut there", pinched, vertices[pinched])
+    one, other = topology.cells[topology.count == 2].T
+    piece = linked(one, other, len(cells))  # triangles with a common edge are in one piece
     if piece.any():
         from scipy.spatial import cKDTree  # slow to import, and few meshes need it
 
@@ -136,23 +136,16 @@ def _are_cusps(mesh: MeshParts, pairs: IntArray) -> BoolArray:
     chords = np.diff(mesh.vertices[ends] @ [1.0, 1.0j], axis=2)
     bend, lengths = angles(mesh.bends[pairs.ravel()], t).reshape(*pairs.shape, len(t)), np.abs(chords)[:, :, 0]
     away = chords * [1.0, -1.0] * np.exp(1j * bend[:, :, [0, -1]])  # the tangents at both ends, into the edge
-    between = np.abs(np.angle(away[:, 0, :, None] * away[:, 1, None].conj()))
+    difference = np.abs(np.angle(away[:, 0, :, None] * away[:, 1, None].conj()))
     turn = lengths.min(axis=1) * (np.ptp(bend, axis=2) / lengths).max(axis=1)  # chord over radius
-    is_small = between * turn[:, None, None] / 4.0 <= ROUNDING
+    is_small = difference * turn[:, None, None] / 4.0 <= ROUNDING
     return np.asarray((is_small & (ends[:, 0, :, None] == ends[:, 1, None])).any(axis=(1, 2)))
 
 
-def _refuse(is_wrong: BoolArray, numbers: IntArray, remedy: str, places: FloatArray) -> None:
-    """`InputError` about the first wrong entry, if any; it shows the entry's numbers (k, …) and place (k, 2)."""
-    if np.count_nonzero(is_wrong):
-        index = int(np.argmax(is_wrong))
-        raise InputError("TriangleMesh", numbers[index].tolist(), remedy.format(place_of(places[index])))
-
-
-def pieces(topology: Topology, count: int) -> IntArray:
-    """Number of the piece of each triangle, shape (count,); triangles with a common edge are in one piece."""
-    first, second = topology.cells[topology.count == 2].T
-    return linked(first, second, count)
+def _refuse(remedy: str, numbers: IntArray, places: FloatArray) -> None:
+    """`InputError` about the first of the wrong entries (k, …), if any, at its place (k, 2)."""
+    if len(numbers):
+        raise InputError("TriangleMesh", numbers[0].tolist(), remedy.format(place_of(places[0])))
 
 
 def same_places(vertices: FloatArray) -> IntArray:
@@ -168,11 +161,10 @@ def hanging_vertices(mesh: MeshParts, reach: float = 0.0) -> tuple[IntArray, Flo
     Coordinates may be rounded by a distance `reach` [length], on arcs relative to the radius; then vertices close to an
     end count too.
     """
-    vertices, topology, outer = mesh.vertices, mesh.topology, mesh.topology.outer
+    vertices, topology = mesh.vertices, mesh.topology
+    outer = np.flatnonzero(topology.boundary & (mesh.chords > 0.0))  # edges without length hold no vertex
     first, second = vertices.take(topology.ends.take(outer, axis=0), axis=0).swapaxes(0, 1)
-    lengths = np.hypot(*(second - first).T)
-    if not lengths.all():  # edges without length hold no vertex
-        outer, first, second, lengths = (each[lengths > 0.0] for each in (outer, first, second, lengths))
+    lengths = mesh.chords[outer]
     candidates = np.bincount(topology.ends[outer].ravel()).nonzero()[0]
     margin = 1e-6 if reach else -1e-6
     edge, vertex = in_circles(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + margin))
@@ -220,34 +212,29 @@ def divided_at_arcs(mesh: MeshParts) -> MeshParts:
     return mesh
 
 
-def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> MeshParts:
+def fanned(mesh: MeshParts, vertices: IntArray, angle: float) -> MeshParts:
     """The mesh with fans of triangles of at most this angle [rad] around vertices, see `TriangleMesh.fanned`."""
     chosen, count = numbers_of("vertices", vertices, int), len(mesh.vertices)
     if chosen.ndim != 1 or chosen.min(initial=0) < 0 or chosen.max(initial=0) >= count:
         raise InputError("vertices", vertices, f"give numbers of vertices, 0 to {count - 1}")
     angle = (1.0 + _ANGLE_ROUNDING) * positive_number("angle", angle)
-    layers = whole_number("layers", layers)
     for vertex in chosen.tolist():
-        n_layers = 0
-        while n_layers < layers or angles_at(mesh, vertex)[1].max() > angle:
-            mesh = _cut_across(mesh, vertex)
+        is_narrow = False
+        while not is_narrow:
+            mesh = _halved(mesh, np.flatnonzero((mesh.topology.ends == vertex).any(axis=1)))  # cut across
             opposite, at_vertex = angles_at(mesh, vertex)
             mesh = _halved(mesh, np.unique(mesh.topology.number(opposite[at_vertex > angle])))
-            n_layers += 1
+            is_narrow = angles_at(mesh, vertex)[1].max() <= angle
     return divided_at_arcs(mesh)
 
 
 def layered(mesh: MeshParts, vertices: IntArray, ratio: float) -> MeshParts:
     """The triangles at vertices (k,) cut across, at a fraction `ratio` of their edges from there; no arc ends there."""
     for vertex in vertices.tolist():
-        n_old, mesh = len(mesh.vertices), _cut_across(mesh, vertex)
+        n_old = len(mesh.vertices)
+        mesh = _halved(mesh, np.flatnonzero((mesh.topology.ends == vertex).any(axis=1)))
         mesh.vertices[n_old:] += (1.0 - 2.0 * ratio) * (mesh.vertices[vertex] - mesh.vertices[n_old:])
     return divided_at_arcs(mesh)
-
-
-def _cut_across(mesh: MeshParts, vertex: int) -> MeshParts:
-    """The triangles at a vertex cut across, through the midpoints of their edges at the vertex."""
-    return _halved(mesh, np.flatnonzero((mesh.topology.ends == vertex).any(axis=1)))
 
 
 def angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
@@ -376,7 +363,8 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     with located("join", ()):
         new_name(name, mesh.edge_sets)
     vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
-    piece = pieces(topology, len(cells))
+    one, other = topology.cells[topology.count == 2].T
+    piece = linked(one, other, len(cells))  # triangles with a common edge are in one piece
     own_piece = np.empty(len(vertices), dtype=np.int64)
     own_piece[cells] = piece[:, None]
     # merge vertices of different pieces that coincide up to rounding
@@ -445,8 +433,7 @@ def _fans(corners: IntArray, topology: Topology, edge: IntArray, vertex: IntArra
     sides, parent = topology.of_cells, np.arange(len(corners))  # −1 for sides made by a cut
     for s, direction in enumerate((1, -1, 1)):  # of side s in the sense corner 0, 1, 2; edges lead to higher numbers
         n_parts = np.where(sides[:, s] < 0, 1, count[sides[:, s]])
-        source = np.repeat(np.arange(len(n_parts)), n_parts)
-        part = np.arange(len(source)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)
+        source, part = between(0 * n_parts, n_parts)
         corners, sides, parent, n_parts = corners[source], sides[source], parent[source], n_parts[source]
         is_old = sides[:, s] >= 0
         position = start[sides[:, s]] + (part if direction > 0 else n_parts - part)

@@ -22,9 +22,8 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr
 from importlib import import_module
-from itertools import chain, combinations, groupby, islice
+from itertools import chain, combinations, islice
 from math import dist
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO, Final, TypeAlias
 
@@ -91,35 +90,31 @@ def read_point_data(path: str | Path, name: str) -> tuple[MeshParts, FloatArray]
 def _triangulated(path: Path, mesh: MeshParts) -> MeshParts:
     """The mesh with all cells cut into triangles, checked."""
     if not len(mesh.cells):
-        raise _refused(path, "holds no triangles")
+        raise InputError("mesh", str(path), "holds no triangles")
     extent = np.ptp(mesh.vertices, axis=0)
     if len(extent) == 3 and extent[2] > _PLANE_TOLERANCE * extent[:2].max():
-        raise _refused(path, "is not plane: all points must have one coordinate z")
+        raise InputError("mesh", str(path), "is not plane: all points must have one coordinate z")
     for numbers in (mesh.cells, *mesh.edge_sets.values()):
         if ((numbers < 0) | (numbers >= len(mesh.vertices))).any():
             n_nodes = f"(it has {len(mesh.vertices)})"
-            raise _refused(path, f"joins nodes that it does not hold {n_nodes}: write the mesh again")
+            raise InputError("mesh", str(path), f"joins nodes that it does not hold {n_nodes}: write the mesh again")
     cells, parent = triangles_of(mesh.vertices[:, :2], mesh.cells)
     if len(cells) > _MAX_TRIANGLES:
-        raise _refused(path, f"holds {len(cells)} triangles: give at most {_MAX_TRIANGLES}")
+        raise InputError("mesh", str(path), f"holds {len(cells)} triangles: give at most {_MAX_TRIANGLES}")
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
     vertices = np.ascontiguousarray(mesh.vertices[:, :2])
     return MeshParts(vertices, np.sort(cells, axis=1), mesh.edge_sets, regions)
-
-
-def _refused(path: Path, remedy: str) -> InputError:
-    return InputError("mesh", str(path), remedy)
 
 
 def _read(path: Path) -> MeshParts:
     """The mesh in a file, with points (n, 2 or 3) and cells (m, 4), where triangles have their last corner twice."""
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
-        raise _refused(path, f"give a file with one of the endings {', '.join(_FORMATS)}")
+        raise InputError("mesh", str(path), f"give a file with one of the endings {', '.join(_FORMATS)}")
     with reading("mesh", path) as source:
         size = path.stat().st_size
         if size > _MAX_BYTES:
-            raise _refused(path, f"holds more than {_MAX_BYTES} bytes, the limit: give a coarser mesh")
+            raise InputError("mesh", str(path), f"holds more than {_MAX_BYTES} bytes, the limit: give a coarser mesh")
         if reader == "gmsh":
             mesh = _GmshFile(source, size).read()
         elif reader == "abaqus":
@@ -350,10 +345,15 @@ class _GmshFile:
                 self._blocks.append((kind, numbers[:, 1 + tags :], physical))
                 n_read += max(count, 1)
         else:
-            lines = self._element_lines(int(self._source.readline()))
-            for kind, group in groupby(lines, key=itemgetter(0)):
-                _, labels, nodes = map(np.array, zip(*group, strict=True))
-                self._blocks.append((kind, nodes, labels))
+            total, rows = int(self._source.readline()), defaultdict[int, list[list[int]]](list)
+            for _ in range(total):
+                words = list(map(int, self._source.readline().split()))
+                nodes = words[3 + words[2] :] if len(words) > 3 else []
+                if not nodes or len(nodes) != self._nodes_of(words[1]):
+                    raise ValueError(f"it does not hold the {total} elements that it claims")
+                rows[words[1]].append([abs(words[3]) if words[2] else 0, *nodes])
+            tables = ((kind, np.array(elements)) for kind, elements in rows.items())
+            self._blocks += [(kind, table[:, 1:], table[:, 0]) for kind, table in tables]
 
     def _read_data(self) -> None:
         """Name, times, and integers, among them the number of components and of nodes; then nodes and their values."""
@@ -371,15 +371,6 @@ class _GmshFile:
         self._data[name] = np.full(len(self._tags), np.nan) if columns == 1 else values
         if columns == 1:
             self._data[name][index] = values[:, 0]
-
-    def _element_lines(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
-        """Format 2.2 as text: kind, physical number and nodes of each element; 0 is no physical number."""
-        for _ in range(count):
-            words = list(map(int, self._source.readline().split()))
-            nodes = words[3 + words[2] :] if len(words) > 3 else []
-            if not nodes or len(nodes) != self._nodes_of(words[1]):
-                raise ValueError(f"it does not hold the {count} elements that it claims")
-            yield words[1], abs(words[3]) if words[2] else 0, nodes
 
     def _nodes_of(self, kind: int) -> int:
         """Number of nodes of an element."""

@@ -21,7 +21,7 @@ from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import cross
-from qvi_contact.mesh.selection import point
+from qvi_contact.mesh.selection import Point, between, point
 
 LONGEST: Final = 500.0
 """Largest ratio of a cell's length to its width; longer cells are cut, as thinner triangles lose too many digits."""
@@ -61,11 +61,7 @@ def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, bo
 
 
 def rectangle_lines(
-    cells: tuple[int, int],
-    width: float,
-    height: float,
-    origin: tuple[float, float],
-    grading: float | tuple[float, float],
+    cells: tuple[int, int], width: float, height: float, origin: Point, grading: float | Point
 ) -> tuple[FloatArray, FloatArray]:
     """Grid lines x, y of a rectangle; see `TriangleMesh.rectangle`."""
     width, height = positive_number("width", width), positive_number("height", height)
@@ -146,21 +142,19 @@ def triangles_of(
         return cells[:, :3], np.arange(len(cells))
     on_boundary = sides_of(cells)[1] if on_boundary is None else on_boundary
     in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # of the body, at a, b, c, d
-    a, b, c = points[cells[:, [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]]]].transpose(2, 0, 1, 3)
+    halves = cells[:, [[[0, 1, 2], [0, 2, 3]], [[0, 1, 3], [1, 2, 3]]]]  # for diagonal ac, bd
+    a, b, c = points[halves].transpose(3, 0, 1, 2, 4)
     with np.errstate(all="ignore"):  # `TriangleMesh` refuses coordinates that are too large or not finite
-        double_areas = cross(b - a, c - a).reshape(-1, 2, 2)  # of the halves for diagonal ac, bd
+        double_areas = cross(b - a, c - a)
         is_inside, least = (np.sign(double_areas).prod(axis=2) > 0.0), np.abs(double_areas).min(axis=2)
     least[~is_inside] = -1.0
     # take diagonal bd instead of ac if it runs into more corners of the body, else by the areas
     b_larger = least[:, 1] > least[:, 0] * (1.0 + np.where(prefers_bd, -_AREA_TOLERANCE, _AREA_TOLERANCE))
     corners_bd = in_corner[:, [1, 3]].sum(axis=1) - in_corner[:, [0, 2]].sum(axis=1)
-    from_b = np.where(is_inside.all(axis=1) & (corners_bd != 0), corners_bd > 0, b_larger)[:, None]
-    halves = np.stack(
-        [np.where(from_b, cells[:, [0, 1, 3]], cells[:, :3]), np.where(from_b, cells[:, 1:], cells[:, [0, 2, 3]])], 1
-    )
-    halves[~quads, 0] = cells[~quads, :3]
+    from_b = quads & np.where(is_inside.all(axis=1) & (corners_bd != 0), corners_bd > 0, b_larger)
     is_triangle = np.column_stack([np.ones(len(cells), dtype=bool), quads])
-    return halves[is_triangle], np.repeat(np.arange(len(cells)), is_triangle.sum(axis=1))
+    triangles = np.where(from_b[:, None, None], halves[:, 1], halves[:, 0])[is_triangle]
+    return triangles, np.repeat(np.arange(len(cells)), is_triangle.sum(axis=1))
 
 
 def sides_of(cells: IntArray) -> tuple[IntArray, BoolArray]:
@@ -185,8 +179,7 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
         if count.sum() * active.shape[axis] > max_cells:
             break
         count = count.astype(np.int64)
-        old_cell = np.repeat(np.arange(len(count)), count)
-        step = np.arange(len(old_cell)) - np.repeat(np.cumsum(count) - count, count)
+        old_cell, step = between(0 * count, count)
         places = np.append(old_cell + step / count[old_cell], len(count))
         lines[axis] = checked_lines("lines", np.interp(places, np.arange(len(count) + 1), lines[axis]))
         active = np.repeat(active, count, axis=1 - axis)

@@ -114,12 +114,7 @@ class Polygons(NamedTuple):
 
 
 def polygons(
-    corners: Line,
-    size: float,
-    holes: Sequence[Line] = (),
-    joints: object = None,
-    regions: object = None,
-    sizes: object = None,
+    corners: Line, size: float, holes: Sequence[Line], joints: object, regions: object, sizes: object
 ) -> Polygons:
     """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` names a line that is wrong."""
     size = positive_number("size", size)
@@ -409,10 +404,7 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
         if (all_pairs < 0).any():
             remedy = "this inner line leaves the body: end it on the boundary or inside"
             raise InputError(f"joints.{name}", name, remedy)
-    arcs = [
-        circle((x, y), radius, np.concatenate(all_pairs), vertices, "TriangleMesh.arcs.")
-        for (x, y, radius), all_pairs in circles.items()
-    ]
+    arcs = [circle((x, y), radius, np.concatenate(pairs), vertices) for (x, y, radius), pairs in circles.items()]
     cells = vertex[cells]
     # most of a surface's area decides whether it is in a region: a triangle at an arc may have its centre beyond it
     a, b, c = vertices[cells].swapaxes(0, 1)

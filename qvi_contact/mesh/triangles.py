@@ -17,17 +17,7 @@ from qvi_contact.basics.schema import WithFields
 from qvi_contact.errors import InputError
 from qvi_contact.mesh import cutting
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, circle, fitted, refuse_bad_arcs
-from qvi_contact.mesh.edges import (
-    Edges,
-    beyond_chords,
-    chains,
-    cross,
-    edges_of,
-    led_around,
-    points_along,
-    reference_of,
-    stretches,
-)
+from qvi_contact.mesh.edges import Edges, beyond_chords, chains, cross, edges_of, led_around, points_along, reference_of
 from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.outline import Line, Point, meshed, polygons
@@ -407,10 +397,6 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         """
         return replace(self, arcs=(*self.arcs, fitted("curve", curve, start, stop, self.pairs(name), self.vertices)))
 
-    def pairs(self, name: str) -> IntArray:
-        """Vertices (k, 2) of the edges called `name`, in ascending order."""
-        return self.topology.ends[self.numbers(name)]
-
     def with_region(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more region, given by a function of (x, y) at centres of triangles, or by numbers."""
         new_name(name, self.regions, "region")
@@ -441,8 +427,9 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
     @cached_property
     def _boxes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Opposite corners (m, 2) of boxes around triangles with arcs [length]; rounding of `reference` (m,)."""
-        arc_lengths = self.chords * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
-        margin = arc_lengths[self.topology.of_cells].max(axis=1, keepdims=True) / 2.0  # largest distance from an end
+        # arcs turn by at most 90°, so each of their points is at most √2/2 of the chord away from one of the ends
+        arc_chords = np.where(self.bends.any(axis=1), self.chords, 0.0)
+        margin = 0.75 * arc_chords[self.topology.of_cells].max(axis=1, keepdims=True)
         a, b, c = self.corners.swapaxes(0, 1)
         least_heights = np.abs(cross(b - a, c - a)) / self.chords[self.topology.of_cells].max(axis=1)
         rounding = _COORDINATE_ROUNDING * np.abs(self.vertices).max() / least_heights
@@ -529,13 +516,13 @@ class TriangleMesh(WithFields, MeshParts, PicklesFields):
         """
         return TriangleMesh(*cutting.bisected(self, marked).given)
 
-    def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
+    def fanned(self, vertices: IntArray, angle: float) -> TriangleMesh:
         """The mesh with fans of thin triangles around vertices (k,), for stresses that turn quickly around a point.
 
         No edge joins two of the vertices; all keep their numbers. Triangles at the vertices get angles of at most
-        `angle` [rad]. In at least `layers` steps their length is halved, then each angle that is too large.
+        `angle` [rad]. In each step their length is halved, then each angle that is too large; there is at least one.
         """
-        return TriangleMesh(*cutting.fanned(self, vertices, angle, layers).given)
+        return TriangleMesh(*cutting.fanned(self, vertices, angle).given)
 
     def graded(self, points: ArrayLike, depth: int | Sequence[int], *, ratio: float | None = None) -> TriangleMesh:
         """The same body with smaller triangles at points (k, 2), in `depth` steps, a number or one for each point.

@@ -11,16 +11,7 @@ from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.mesh.edges import Edges, chains, cross, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
-from qvi_contact.problem.conditions import (
-    CARTESIAN,
-    LOCAL,
-    Condition,
-    Contact,
-    Displacement,
-    Symmetry,
-    Traction,
-    components,
-)
+from qvi_contact.problem.conditions import CARTESIAN, Condition, Contact, Displacement, Symmetry, Traction, components
 from qvi_contact.problem.material import temperature_of
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from qvi_contact.units import Units
@@ -298,7 +289,7 @@ class _Sketch:
             if index < _MATERIALS:
                 self.entries.append(Patch(**look, edgecolor="#999999", label=style.wrapped(text)))
         style.draw_grid(self.axes, mesh)
-        style.draw_outline(self.axes, mesh, "#999999", 0.6)
+        self.axes.add_collection(style.lines(style.edge_lines(mesh, mesh.boundary), "#999999", "solid", 0.6))
         values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *mesh.vertices.T)
         if np.ptp(values) > 0.0:
             self._entry(style.value_range("body force, potential φ", values, self.units.stress), {"color": "none"})
@@ -399,10 +390,10 @@ class _Sketch:
 
     def _ranges(self, condition: Traction | Displacement, pieces: Sequence[Run]) -> tuple[dict[str, FloatArray], str]:
         """Values of the given components along the runs, and a text with their ranges."""
-        signs, unit = ("tσ", self.units.stress) if isinstance(condition, Traction) else ("uu", self.units.length)
+        signs, unit = ("σt", self.units.stress) if isinstance(condition, Traction) else ("uu", self.units.length)
         values = _values(condition, self._along(pieces))
-        words = [style.value_range(signs[name in LOCAL] + _INDEX[name], each, unit) for name, each in values.items()]
-        return values, ", ".join(words)
+        named = {signs[name in CARTESIAN] + _INDEX[name]: each for name, each in values.items()}
+        return values, ", ".join(style.value_range(name, each, unit) for name, each in named.items())
 
     def _arrows(self, condition: Traction | Displacement, pieces: Sequence[Run], look: dict[str, Any]) -> None:
         """Draw arrows, in a scale in which the largest arrow of all conditions of this class has full length."""

@@ -315,8 +315,8 @@ def test_a_store_of_another_history_is_refused(begun, other):
 def test_a_folder_of_other_files_or_without_room_is_refused(tmp_path, monkeypatch):
     (tmp_path / "letter.txt").write_text("kept", encoding="utf-8")
     old = b'{"format": "qvi_contact steps", "version": 1}'
-    for place, words, header in ((tmp_path, "other files", b"[]"), (tmp_path, "store.json.*none", old),
-                                 (tmp_path, "version 1': only", old), (tmp_path / "letter.txt", "not a folder", old),
+    for place, words, header in ((tmp_path, "other files", b"[]"), (tmp_path, "another history", old),
+                                 (tmp_path, "options or version", old), (tmp_path / "letter.txt", "not a folder", old),
                                  (tmp_path / "full", "No space left", old)):  # fmt: skip
         with refused_at("store", words):
             solve_history(STEPS, store=place)

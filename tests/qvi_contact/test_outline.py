@@ -25,6 +25,7 @@ else:
 needs_gmsh = pytest.mark.skipif(gmsh is None, reason=f"gmsh cannot be loaded: {MISSING}")
 
 
+PLAIN = {"holes": (), "joints": None, "regions": None, "sizes": None}
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 ARCH = [Corner((0.0, 0.0), "base"), Corner((2.0, 0.0), "side", size=0.05)]
 ARCH += [Corner((2.0, 1.0), "arch", centre=(1.0, 1.0)), Corner((0.0, 1.0), "side")]
@@ -48,7 +49,7 @@ class TestPolygons:
     @pytest.mark.parametrize(("size", "last"), [(0.5, 0.5), (0.1, 0.1), (10.0, 10.0), (0.3, 0.02), (0.02, 0.3)])
     def test_points_of_an_arc_lie_on_its_circle(self, clockwise, size, last):
         start, stop = Corner((1.0, 0.0), "arc", (0.0, 0.0), clockwise), Corner((0.0, 1.0), size=last)
-        line = polygons([start, stop, (-3.0, -3.0)] if not clockwise else [start, stop, (3.0, 3.0)], size).boundary[0]
+        line = polygons([start, stop, (3.0, 3.0) if clockwise else (-3.0, -3.0)], size, **PLAIN).boundary[0]
         chords = [piece for piece, name in zip(line.pieces, line.names, strict=True) if name == "arc"]
         assert np.hypot(*np.array(chords).reshape(-1, 2).T) == pytest.approx(1.0)
         angles = 2.0 * np.arcsin(np.hypot(*np.diff(chords, axis=1)[:, 0].T) / 2.0)
@@ -66,13 +67,13 @@ class TestPolygons:
         angles = 2.0 * np.pi * np.arange(count) / count
         star = np.array(radii)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]) + shift
         star = star[::-1] if reverse else star
-        assert enclosed(polygons([tuple(p) for p in star.tolist()], 1.0).boundary[0]) > 0.0
+        assert enclosed(polygons([tuple(p) for p in star.tolist()], 1.0, **PLAIN).boundary[0]) > 0.0
         if count > 3:
             k = data.draw(st.integers(0, count - 1))
             mixed = star.copy()
             mixed[[k, (k + 1) % count]] = mixed[[(k + 1) % count, k]]
             with nullcontext() if _simple(mixed) else pytest.raises(InputError, match="cross or touch"):
-                polygons([tuple(p) for p in mixed.tolist()], 1.0)
+                polygons([tuple(p) for p in mixed.tolist()], 1.0, **PLAIN)
 
     @pytest.mark.parametrize(
         ("changes", "field", "words"),
@@ -108,7 +109,7 @@ class TestPolygons:
     )  # fmt: skip
     def test_what_is_no_outline_is_refused(self, changes, field, words):
         with refused_at(field, words):
-            polygons(**{"corners": SQUARE, "size": 0.5} | changes)
+            polygons(**PLAIN | {"corners": SQUARE, "size": 0.5} | changes)
 
 
 def _simple(points):
@@ -138,7 +139,7 @@ def arch():
 
 @pytest.mark.parametrize("line", [Corner.circle((0.5, 0.5), 0.3), [*SQUARE[:3], SQUARE[0]]])
 def test_a_joint_is_closed_by_an_arc_or_by_its_first_corner(line):
-    joint = polygons([(-1.0, -1.0), (2.0, -1.0), (0.5, 3.0)], 0.4, joints={"pin": line}).inner[0]
+    joint = polygons([(-1.0, -1.0), (2.0, -1.0), (0.5, 3.0)], 0.4, **PLAIN | {"joints": {"pin": line}}).inner[0]
     assert joint.pieces[-1, 1] == pytest.approx(joint.pieces[0, 0])
 
 
