@@ -50,6 +50,16 @@ class TestLimitLoads:
         above, below = (float(limit_load_factor(dragged(2.0, 0.0, 0.3 + way), ["drag"])) for way in (step, -step))
         assert factor.derivative(problem, "material.phi") == pytest.approx((above - below) / (2.0 * step), rel=1e-4)
 
+    def test_rows_without_room(self):
+        """A lid presses a block that its left side lifts along the wall: by differences, as the factor is linear."""
+        rough = [Contact("bottom", 1.0), Contact("right", 0.6), Contact("top", 0.05, plate=RigidPlate(force_y=-1.5))]
+        conditions = [*rough, Traction("left", x=0.0, y=1.0, name="lift")]
+        jammed = ContactProblem(TriangleMesh.rectangle((2, 1), 0.53), Material(E, NU), conditions)
+        glued = replace(jammed, conditions=[replace(rough[0], cohesion=0.01), *conditions[1:]])
+        lower, higher = (float(limit_load_factor(problem, ["lift"])) for problem in (jammed, glued))
+        found = LimitFactor(["lift"]).derivative(jammed, "bottom.cohesion")
+        assert found == pytest.approx((higher - lower) / 0.01, rel=1e-6)
+
     def test_bad_input(self):
         bilateral = Contact("bottom", 0.3, law="bilateral", name="ground")
         fixed = replace(dragged(), conditions=[bilateral, *dragged().conditions[1:]])
