@@ -324,6 +324,7 @@ MOST: Final = 20
 """Number of solutions that are enough: no other paths are begun."""
 
 _DIRECTIONS = 8  # of paths that leave a solution, each in both senses
+_MOST_ITERATIONS = 6  # for the certified solution at the end of a path: guesses of signs, the rest is there
 
 OTHER: Final = 1e-4
 """Difference of tractions, over the largest traction, above which two solutions count as different."""
@@ -372,7 +373,8 @@ def _neighbours(solutions: list[QVISolution]) -> Iterator[QVISolution]:
     On a path the bonded tractions change by θ C m. The solution follows, pivot by pivot, and turns back where it has
     to. Where θ returns to 0 the path is at a solution of the problem again, often another one.
     """
-    qvi, settings = solutions[0].problem, Settings.of(None, {"tolerance": solutions[0].certificate.tolerance})
+    qvi, tolerance = solutions[0].problem, solutions[0].certificate.tolerance
+    settings = Settings.of(None, {"tolerance": tolerance, "max_iterations": _MOST_ITERATIONS})
     if qvi.m > LARGEST or qvi.is_fixed:
         return
     compliance = Compliance(qvi)
@@ -385,7 +387,7 @@ def _neighbours(solutions: list[QVISolution]) -> Iterator[QVISolution]:
             for d in (change, -change):
                 if deadline.over or len(solutions) >= MOST:
                     return
-                vertex = solve_lcp(bounds.M, bounds.q, d / largest(d), active, away=True)
+                vertex = solve_lcp(bounds.M, bounds.q, d / (largest(d) or 1.0), active, away=True)
                 if vertex.reason is Status.SOLVED:
                     multipliers = bounds.multipliers(vertex.x)
                     yield solved(qvi, settings, Start(compliance.state(multipliers)[0], multipliers))
