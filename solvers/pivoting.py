@@ -202,25 +202,29 @@ class Vertex:
     reason: Status = Status.SOLVED  # or "stalled", in a ray, or "time_limit"
 
 
-def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None) -> Vertex:
+def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None, *, away: bool = False) -> Vertex:
     """The end of the path for M (n, n), q (n,) and the direction d (n,) > 0.
 
     With `active` (n,) bool the path begins at w = 0 in the active rows and x = 0 in the others: it is the path of the
-    problem in which x and w are exchanged in the active rows (section 2.3 of the book).
+    problem in which x and w are exchanged in the active rows (section 2.3 of the book). If that is a solution, the path
+    ends there, or with `away` leaves it: d has any signs, θ grows from 0, and is 0 again at another solution.
     """
     n = len(q)
     if active is not None and active.any():
-        return _from_active(M, q, d, active)
+        return _from_active(M, q, d, active, away)
     x, basic = np.zeros(n), np.zeros(n, dtype=bool)
     size = max(1.0, largest(q))
-    if q.min(initial=0.0) >= -_ROUNDING * size:
+    if q.min(initial=0.0) >= -_ROUNDING * size and not away:
         return Vertex(x, basic, 0)
     # basic + table @ non-basic = values, the last column. Variables: w 0 to n − 1, x n to 2n − 1, θ 2n.
     table: Matrix = np.empty((n, n + 2), order="F")
     np.negative(M, out=table[:, :n])
     table[:, n], table[:, -1] = -d, q
     basis, column = np.arange(n), np.arange(-n, n + 1)  # basic variable of each row; column of each non-basic one
-    row, entering = int(np.argmin(q / d)), 2 * n
+    first = np.divide(np.maximum(q, 0.0), -d, out=np.full(n, np.inf), where=d < 0.0) if away else q / d
+    row, entering = int(np.argmin(first)), 2 * n
+    if first[row] == np.inf:
+        return Vertex(x, basic, 0, Status.STALLED)
     for pivots in range(1, _MOST_PIVOTS * n):
         if deadline.over:
             return Vertex(x, basic, pivots, Status.TIME_LIMIT)
@@ -251,24 +255,25 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
     return Vertex(x, basic, pivots, Status.STALLED)
 
 
-def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector) -> Vertex:
+def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector, away: bool) -> Vertex:
     """The path of the problem in which x and w are exchanged in the active rows, by a block pivot."""
     inside, outside = active.nonzero()[0], (~active).nonzero()[0]
     columns = M[:, inside]
     lower_upper, pivots, singular = dgetrf(columns[inside])
     if singular:
         return Vertex(np.zeros(len(q)), active, 0, Status.STALLED)
-    values = q.copy()
-    values[inside] = -dgetrs(lower_upper, pivots, q[inside])[0]
-    values[outside] += columns[outside] @ values[inside]
-    if values.min() >= -_ROUNDING * max(1.0, largest(values)):  # the path ends where it begins, see `solve_lcp`
+    values, change = np.stack([q, d])
+    for vector in (values, change) if away else (values,):
+        vector[inside] = -dgetrs(lower_upper, pivots, vector[inside])[0]
+        vector[outside] += columns[outside] @ vector[inside]
+    if values.min() >= -_ROUNDING * max(1.0, largest(values)) and not away:  # it ends where it begins, see `solve_lcp`
         return Vertex(np.where(active, np.maximum(values, 0.0), 0.0), active, 0)
     inverse = dgetri(lower_upper, pivots)[0]
     rows = inverse @ M[inside]
     exchanged = M - columns @ rows
     exchanged[inside], exchanged[:, inside] = -rows, columns @ inverse
     exchanged[inside[:, None], inside] = inverse
-    vertex = solve_lcp(exchanged, values, d)
+    vertex = solve_lcp(exchanged, values, change, away=away)
     x = np.where(active, np.maximum(values + exchanged @ vertex.x, 0.0), vertex.x)
     return Vertex(x, vertex.basic ^ active, vertex.pivots, vertex.reason)
 

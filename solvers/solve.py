@@ -20,10 +20,10 @@ from solvers.condensed.method import EXACT, LAST, CondensedRun
 from solvers.errors import InputError, SolveError
 from solvers.factorisation.base import FactorisationError
 from solvers.fixed_point import initial_pressure, solve_fixed_point
-from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import largest
+from solvers.inequality.problem import Compliance, FrictionQVI
+from solvers.inequality.rows import generic_vector, largest
 from solvers.inner.registry import check_name, versions
-from solvers.pivoting import LARGEST, LARGEST_LATE, solve_pivoting
+from solvers.pivoting import LARGEST, LARGEST_LATE, ContactBounds, solve_lcp, solve_pivoting
 from solvers.settings import (
     DEFAULT_INNER,
     STARTED,
@@ -311,19 +311,26 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
 
 
 # Other solutions of a problem. With friction the solution of (D2) need not be unique, and a method always finds the
-# same one. A path on which the friction coefficient rises from a fraction of its value, or falls from a multiple, in
-# small steps, may end at another solution, as each step starts from the state before. That no other solution is found
-# proves nothing; `uniqueness` has a bound that does.
+# same one. On up to `LARGEST` contact points pivots follow each solution while tractions change, until they are back.
+# A path on which the friction coefficient rises from a fraction of its value, or falls from a multiple, in small steps,
+# may end at another solution, too, as each step starts from the state before: at one without stress, for example. That
+# no other solution is found proves nothing; `uniqueness` has a bound that does.
 
 WAYS: Final = ((0.02, 3), (0.4, 5), (0.4, 20), (0.6, 20), (0.85, 3), (1.3, 10))
 """Paths of the friction: its first value over that of the problem, once so small that nothing jams, and steps to 1."""
+
+MOST: Final = 20
+"""Number of solutions that are enough: no other paths are begun."""
+
+_DIRECTIONS = 8  # of paths that leave a solution, each in both senses
+_MOST_ITERATIONS = 6  # for the certified solution at the end of a path: guesses of signs, the rest is there
 
 OTHER: Final = 1e-4
 """Difference of tractions, over the largest traction, above which two solutions count as different."""
 
 
 def followed_solutions(solution: QVISolution, *, time_limit: float | None = None) -> tuple[QVISolution, ...]:
-    """The solution and others of the same problem, found by following the friction along each of `WAYS`.
+    """The solution and others of the same problem, at the ends of paths, the last of which are those of `WAYS`.
 
     Each solution is certified on the data of the problem, to the tolerance of the given one. Two solutions are
     different if their tractions differ at any point by more than `OTHER` times the largest traction.
@@ -347,7 +354,7 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
     if not (qvi.mu > 0.0).any():
         return (solution,)
     with deadline(time_limit):
-        for end in _ends(solution):
+        for end in chain(_neighbours(solutions), _ends(solution)):
             if end.solved and all(traction_difference(end, other) > OTHER for other in solutions):
                 solutions.append(end)
     return tuple(solutions)
@@ -357,6 +364,32 @@ def traction_difference(one: QVISolution, other: QVISolution) -> float:
     """The largest difference of tractions at a contact point, over the largest traction of the first."""
     first, second = (solution.problem.tractions(solution.z) for solution in (one, other))
     return largest(first - second) / one.certificate.scales["stress"]
+
+
+def _neighbours(solutions: list[QVISolution]) -> Iterator[QVISolution]:
+    """Solutions at the ends of paths from the given ones, to which the caller adds new ones while it asks for more.
+
+    On a path the bonded tractions change by θ C m. The solution follows, pivot by pivot, and turns back where it has
+    to. Where θ returns to 0 the path is at a solution of the problem again, often another one.
+    """
+    qvi, tolerance = solutions[0].problem, solutions[0].certificate.tolerance
+    settings = Settings.of(None, {"tolerance": tolerance, "max_iterations": _MOST_ITERATIONS})
+    if qvi.m > LARGEST or qvi.is_fixed:
+        return
+    compliance = Compliance(qvi)
+    for state in map(Start.of, solutions):
+        tractions = qvi.tractions(state.z)
+        bounds = ContactBounds(qvi, compliance, np.where(qvi.bilateral & (tractions[: qvi.m] > 0.0), 1.0, -1.0))
+        active = bounds.active(tractions, state.multipliers)
+        for m in np.tile(qvi.W, 2) * generic_vector(_DIRECTIONS * 2 * qvi.m).reshape(_DIRECTIONS, -1):
+            change = bounds.slack(compliance.bonded + compliance.dense @ m) - bounds.q
+            for d in (change, -change):
+                if deadline.over or len(solutions) >= MOST:
+                    return
+                vertex = solve_lcp(bounds.M, bounds.q, d / (largest(d) or 1.0), active, away=True)
+                if vertex.reason is Status.SOLVED:
+                    multipliers = bounds.multipliers(vertex.x)
+                    yield solved(qvi, settings, Start(compliance.state(multipliers)[0], multipliers))
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:

@@ -379,17 +379,18 @@ class Branches(WithFields):
 def other_solutions(result: ContactResult, *, time_limit: float | None = None) -> Branches:
     """Look for other solutions of the discrete problem of a result, and prefer the one that displacements confirm.
 
-    Solutions are followed while friction grows or falls to its value from 0.02, 0.4, 0.6, 0.85 and 1.3 times the value,
-    in 3 to 20 steps. This takes as long as ten to thirty solves, and up to a hundred where a step starts far from its
-    solution. Only certified solutions count. If there are several, the displacement model is solved on the same mesh,
-    and they are sorted by
+    On up to 200 contact points solutions are followed while tractions change, until these are back at their values; on
+    all, while friction grows or falls to its value from 0.02, 0.4, 0.6, 0.85 and 1.3 times the value, in 3 to 20 steps.
+    This takes as long as ten to thirty solves, and up to a hundred where a step starts far from its solution, or many
+    are found; tractions change no more after 20. Only certified solutions count. If there are several, the displacement
+    model is solved on the same mesh, and they are sorted by
 
         d² = ½ ∫ (cσ − ε(v)) : C : (cσ − ε(v)) dx / U,
 
     with the largest strain energy U of the solutions. A rigid motion v confirms a solution without stress.
 
-    That no other solution was found does not prove that there is none. `time_limit` are the seconds for following the
-    friction. `InputError` if the result is not solved, or belongs to a step of a history.
+    That no other solution was found does not prove that there is none. `time_limit` are the seconds for following
+    solutions. `InputError` if the result is not solved, or belongs to a step of a history.
     """
     if not isinstance(result, ContactResult) or result.status is not Status.SOLVED:
         raise InputError("result", result, "give a result whose status is solved")
@@ -399,7 +400,7 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
         raise InputError("result", "a step of a history, after earlier slip", remedy)
     solutions = followed_solutions(result.solution, time_limit=time_limit)
     if len(solutions) == 1:
-        return Branches((result,), (np.nan,), None, "No other solution was found by following the friction.")
+        return Branches((result,), (np.nan,), None, "No other solution was found by following tractions and friction.")
     results, companion = [ContactResult(discretization, solution) for solution in solutions], None
     try:
         model = solve_companion(result.problem)

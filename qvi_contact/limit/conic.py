@@ -152,6 +152,19 @@ class ConicProgram:
         misfit = float(np.linalg.norm(data[1] + A.T @ z)) * max(1.0, float(np.linalg.norm(scaled_x)))
         return Answer(x, size * z, -size * unit * (float(data[3] @ z) + misfit))
 
+    def at_vertex(self) -> Answer | None:
+        """The answer of a linear program by the simplex method, None if there is none or no program without cones.
+
+        Its multipliers are exact, also where no point is inside all inequalities.
+        """
+        A, (first, n) = sparse.csc_array(self.A @ sparse.diags_array(1.0 / self._scale)), (self.equal, len(self.q))
+        if len(self.b) > first + self.linear:
+            return None
+        rows = {"A_ub": A[first:], "b_ub": self.b[first:], "A_eq": A[:first], "b_eq": self.b[:first]}
+        found = solved(self.q / self._scale, bounds=[(None, None)] * n, **rows)
+        multipliers = -np.append(found.equations, found.inequalities)
+        return Answer(found.x / self._scale, multipliers, -float(self.b @ multipliers)) if found.solved else None
+
     def up_to(self, most: float) -> ConicProgram:
         """The program with −q·x ≤ `most` added."""
         return self._extended(self.q, -self.q[None], np.array([most]))

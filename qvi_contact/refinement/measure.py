@@ -222,7 +222,7 @@ Side: TypeAlias = Literal["above", "below"]
 
 _AGREE: Final = 1e-6  # relative difference of one-sided derivatives up to which they agree
 _NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are subtracted
-_CLOSED: Final = 1e-6  # largest relative duality gap of programs with accurate multipliers
+_CLOSED: Final = 1e-5  # largest relative gap to the bound by multipliers, with what these miss of their equations
 _NEAR: Final = 1e-3  # of a datum: steps to either side from which one-sided derivatives are extrapolated
 _SAME: Final = 1e-4  # relative difference up to which these extrapolated derivatives agree
 
@@ -411,12 +411,12 @@ class LimitFactor(WithFields):
 
         def at(step: float) -> float:
             base, next_program = program(step), program(step + _NEXT)
-            answer = base.solve()
+            answer = base.at_vertex() or base.solve()
             if isinstance(answer, str):
                 remedy = "have no finite limit, and no derivative of it: name loads that are limited"
                 raise InputError("loads", ", ".join(analysis.names), remedy)
             value = float(base.q @ answer.x)
-            if not abs(value + float(base.b @ answer.multipliers)) <= _CLOSED * abs(value):
+            if not value - answer.least <= _CLOSED * abs(value):
                 remedy = "the solver does not find its multipliers; compare factors of limit_load_factor at two values"
                 raise SolveError(f"derivative by {parameter}: {remedy}")
             change_of_rows = next_program.b - base.b - (next_program.A @ answer.x - base.A @ answer.x)

@@ -50,6 +50,15 @@ class TestLimitLoads:
         above, below = (float(limit_load_factor(dragged(2.0, 0.0, 0.3 + way), ["drag"])) for way in (step, -step))
         assert factor.derivative(problem, "material.phi") == pytest.approx((above - below) / (2.0 * step), rel=1e-4)
 
+    def test_rows_without_room(self):
+        """A lid holds a block that is lifted along a wall: by differences, as the factor is linear."""
+        ground, lid = Contact("bottom", 1.0), RigidPlate(force_y=-1.5)
+        walls = [Contact("right", 0.6), Contact("top", 0.05, plate=lid), Traction("left", 0.0, 1.0)]
+        jammed = ContactProblem(TriangleMesh.rectangle((2, 1), 0.53), Material(E, NU), [ground, *walls])
+        glued = replace(jammed, conditions=[replace(ground, cohesion=0.01), *walls])
+        gain = float(limit_load_factor(glued, ["left"])) - float(limit_load_factor(jammed, ["left"]))
+        assert LimitFactor(["left"]).derivative(jammed, "bottom.cohesion") == pytest.approx(100.0 * gain, rel=1e-6)
+
     def test_bad_input(self):
         bilateral = Contact("bottom", 0.3, law="bilateral", name="ground")
         fixed = replace(dragged(), conditions=[bilateral, *dragged().conditions[1:]])
@@ -96,12 +105,11 @@ def test_what_has_no_derivative_is_refused():
     free = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
     contacts = [Contact("bottom", 0.0), Contact("top", 0.0, gap=-1e-3, offset=1e-3)]
     result = solve(ContactProblem(TriangleMesh.rectangle((2, 2)), Material(E, 0.0), [*free, *contacts]))
-    for quantity, parameter, side in (
-        ("top.normal_forces", "top.gap", None),
-        ("energy", "top.gap", None),
-        ("top.normal_force", "top.gab", None),
+    cases = [
+        ("top.normal_forces", "top.gap", None), ("energy", "top.gap", None), ("top.normal_force", "top.gab", None),
         ("top.normal_force", "top.gap", "left"),
         ("top.tangential_force", "top.friction", None),  # the body slides along with the obstacle
-    ):
+    ]  # fmt: skip
+    for quantity, parameter, side in cases:
         with pytest.raises(InputError):
             result.derivative(quantity, parameter, side)

@@ -19,7 +19,7 @@ from solvers.factorisation import FactorisationError, factorise
 from solvers.inner import Centre, make_inner, within_time
 from solvers.pivoting import solve_lcp
 from solvers.solution import Attempt, Outcome, Start
-from solvers.solve import ATTEMPTS, Way, followed_solutions, traction_difference
+from solvers.solve import ATTEMPTS, Way, followed_solutions
 from tests.cases import examples, refused_at
 from tests.solvers.conftest import LAWS, chain, one_contact, random_problem, with_constant_tractions
 
@@ -370,9 +370,9 @@ class TestContact:
         assert found.z == pytest.approx(other.z, abs=1e-6 * np.abs(other.z).max())
 
 
-def test_of_three_solutions_another_is_found_when_asked_for():
-    solution = solve_qvi(one_contact(2, (1.0, 2.1)))
-    one, other = followed_solutions(solution)
-    assert one is solution
-    assert traction_difference(one, other) > 0.5
-    assert certify(other.problem, other.z, other.normal_multiplier, other.tangential_multiplier).passed
+def test_all_three_solutions_of_a_contact_are_found_when_asked_for():
+    """By hand: stick, (p, t) = −K⁻¹(1, 2.1); slip, t = −2p; open, p = t = 0."""
+    solutions = followed_solutions(solve_qvi(one_contact(2, (1.0, 2.1))))
+    found = sorted(each.problem.tractions(each.z).tolist() for each in solutions)
+    assert np.array(found) == pytest.approx(np.array([[-17 / 9, -65 / 18], [-5 / 3, -10 / 3], [0, 0]]), abs=1e-9)
+    assert all(certify(s.problem, s.z, s.normal_multiplier, s.tangential_multiplier).passed for s in solutions)
