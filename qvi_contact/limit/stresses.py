@@ -364,9 +364,10 @@ class StressProgram:
             if found.price <= spare and (carries or found.bound == -np.inf):
                 trusted.append(found)
             is_doubtful = found.bound - found.factor + found.price > spare if carries else found.bound > -np.inf
-            if is_doubtful and np.isfinite(found.factor) and program.falls:
+            is_valid = found.violation <= ROUNDING  # else the other answer may be better
+            if is_doubtful and is_valid and np.isfinite(found.factor) and program.falls:
                 return Carried(np.inf)
-            if not is_doubtful and found.violation <= ROUNDING and (carries or not on_faces):
+            if not is_doubtful and is_valid and (carries or not on_faces):
                 return found
         if not answers:
             raise failure
