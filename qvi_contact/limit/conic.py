@@ -46,6 +46,7 @@ _NEAR: Final = 1e-3  # largest margin of the inner point of flows
 APART: Final = 1e2  # ratio to the least strength up to which strengths are weighted alike
 _GAIN: Final = 1e-9  # of the sum of |q_i x_i|, and of the fall 1 that is asked for: a smaller fall of q·x is rounding
 _MISSED: Final = 0.1  # of the fall of q·x: largest share that may come from violated rows
+_DEARER: Final = 1e3  # ratio of what a violation counts to what it costs by multipliers
 _ENDLESS: Final = 1e50  # largest point: a larger one is a direction, and its square might overflow
 _LEAST_TIME: Final = 1.0  # least time limit of one program, in seconds
 
@@ -164,6 +165,12 @@ class ConicProgram:
         found = solved(self.q / self._scale, bounds=[(None, None)] * n, **rows)
         multipliers = -np.append(found.equations, found.inequalities)
         return Answer(found.x / self._scale, multipliers, -float(self.b @ multipliers)) if found.solved else None
+
+    def price(self, x: FloatArray, multipliers: FloatArray) -> float:
+        """By how much q·x may be too small as x violates rows: what multipliers say, and more as they are rough."""
+        lacking, misfit = np.maximum(-self.margins(x), 0.0) * self.size(x), np.abs((self.b - self.A @ x)[: self.equal])
+        prices = np.abs(multipliers)
+        return _DEARER * float(lacking @ prices[self._heads] + misfit @ prices[: self.equal])
 
     def up_to(self, most: float) -> ConicProgram:
         """The program with −q·x ≤ `most` added."""
@@ -359,8 +366,8 @@ class ConicProgram:
             if room > 0.0:
                 margins, rooms = self.margins(x), self.margins(point)
                 is_outside = (margins < 0.0) & (rooms > _ROOM)  # rows that have room
-                lacking = -margins[is_outside] * max(1.0, size / self.size(point))
-                share = float((lacking / (rooms[is_outside] + lacking)).max(initial=0.0))
+                lacking, spare = -margins[is_outside] * size, rooms[is_outside] * self.size(point)
+                share = float((lacking / (spare + lacking)).max(initial=0.0))
                 x = x + min(1.0, share * (1.0 + 1e-9) + least) * (point - x)
         violation = -float(self.margins(x).min(initial=0.0)) * max(1.0, self.size(x) / size)
         equation_misfit = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))

@@ -14,7 +14,7 @@ In `docs/theory.md`: (D37), (D38).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -31,7 +31,7 @@ from qvi_contact.element.edge import product_integrals
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import quadrature
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import APART, HELD, ROUNDING, UNBOUNDED, ConicProgram, beside
+from qvi_contact.limit.conic import APART, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.split import coefficients_of, derivatives, lattice, nodes_along, numbered, part_corners
 from qvi_contact.limit.stresses import Carried, YieldCones, limited, shear_laws
 from qvi_contact.mechanism import RigidMotion
@@ -206,32 +206,6 @@ def slipping_supports(problem: ContactProblem) -> ContactProblem:
     return relaxed if len(relaxed.contacts) > len(problem.contacts) else problem
 
 
-def _much(program: ConicProgram, x: FloatArray) -> float:
-    """An increase of the dissipation of a flow that counts as large."""
-    return _MUCH * float(np.abs(program.q) @ np.abs(x))
-
-
-def _kept(
-    program: ConicProgram, start: FloatArray, raised: Callable[[FloatArray], FloatArray], share: float
-) -> tuple[FloatArray, float]:
-    """A flow near `start` that keeps its conditions, see `ConicProgram.repaired`, and its largest violation.
-
-    For a share, or if the inner flow costs much, it is one with room for what the first breaks, if that costs less.
-    """
-    x, violation = program.repaired(start, share)
-    x, most = raised(x), float(program.q @ start) + _much(program, start)
-    if share or program.q @ x > most:
-        with suppress(SolveError):  # the flow found so far stays
-            broken = -float(program.margins(start).min(initial=0.0)) * program.size(start)
-            answer = program.solve(room=_ROOMIER * broken)
-            if not isinstance(answer, str):
-                other, other_violation = program.repaired(raised(answer.x), share)
-                other = raised(other)
-                if other_violation <= HELD and program.q @ other <= max(float(program.q @ x), most):
-                    return other, other_violation
-    return x, violation
-
-
 class FlowProgram:
     """The program (D37) of a problem; stresses relative to S, lengths to that of the mesh."""
 
@@ -259,43 +233,18 @@ class FlowProgram:
         (live, dead), cone_scale = np.zeros((2, n)), beside(cones.limit, cones.least, 1.0 / APART)
         for name, row in self._powers():
             (live if name in self.names else dead)[:] += row @ self.space.basis
-        program = full = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
+        full = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
         answer = full.solve()
         if isinstance(answer, str):
             return Flow(-np.inf if answer == UNBOUNDED or full.falls else np.inf)
 
-        def raised(x: FloatArray) -> FloatArray:
-            """The point with s as small as the cone allows, for cones whose s is in no trace equation."""
-            x, without_trace = program.projected(x), np.flatnonzero(cones.pressure == 0.0)
-            blocks = full.blocks(x)[without_trace]
-            x[n + without_trace] -= (blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)) / cone_scale[without_trace]
-            return x
-
-        # corrected; then, if that costs much or a cone has a = 0, flows on faces of cones, if they are better
-        start, first = raised(answer.x), answer
-        x, violation = _kept(full, start, raised, share)
-        is_costly = float(full.q @ (x - start)) > _much(full, start)
-        is_outside = not share and -full.margins(start).min(initial=0.0) > ROUNDING
-        narrower: ConicProgram | None = None
-        if is_outside and (is_costly or not cones.limit.all()):
-            with suppress(SolveError):  # the flow found so far stays
-                narrower = full.on_faces(cones.rays)
-                answer = narrower.solve() if narrower else first
-        if answer == UNBOUNDED:  # flows on faces keep the cones
-            return Flow(-np.inf)
-        if narrower and answer is not first and not isinstance(answer, str):
-            program = narrower
-            other, other_violation = program.repaired(raised(answer.x))
-            other = raised(other)
-            other_violation = max(other_violation, -float(full.margins(other).min(initial=0.0)))
-            gain = float(full.q @ (x - other)) / (float(np.abs(full.q) @ np.abs(start)) or 1.0)
-            x, violation = (other, other_violation) if other_violation < violation + HELD * gain else (x, violation)
+        flows = self._flows(full, answer, cone_scale, share)
+        _, cost, violation, x = min(flows, key=lambda each: each[1])
         # scaled to the power 1, if the conditions hold; beyond: the other loads have power where these have none
         power = float(live @ x[:n])
         is_kept = violation <= HELD and power > 0.0
-        is_trusted = is_kept and full.q @ x >= 0.0 and not doubted
-        is_beyond = not is_trusted and any(each.falls for each in (full, program))
-        if is_beyond:
+        is_trusted = is_kept and cost >= 0.0 and not doubted
+        if not is_trusted and any(program.falls for program, *_ in flows):
             return Flow(-np.inf)
         if not is_kept:
             raise SolveError(
@@ -308,6 +257,47 @@ class FlowProgram:
         shares = np.column_stack([trace, r]) * (2.0 / self._weights[cones.coefficient, None])
         bound = max(float(full.q @ x), -float(dead @ x[:n]))  # negative dissipation is rounding
         return Flow(bound, violation, self._motion(x), shares)
+
+    def _flows(
+        self, full: ConicProgram, answer: Answer, cone_scale: FloatArray, share: float
+    ) -> list[tuple[ConicProgram, float, float, FloatArray]]:
+        """The answer of the full program, corrected, and one on faces if it costs much or a strength is 0.
+
+        By program, cost, largest violation, and unknowns. The cost is the dissipation less the other power, with what
+        violations may have saved: infinite if they are no rounding, −∞ if the program on faces has no least one.
+        """
+        cones, n = self.cones, self.space.basis.shape[1]
+
+        def raised(program: ConicProgram, x: FloatArray) -> FloatArray:
+            """The point with s as small as the cone allows, for cones whose s is in no trace equation."""
+            x, without_trace = program.projected(x), np.flatnonzero(cones.pressure == 0.0)
+            blocks = full.blocks(x)[without_trace]
+            x[n + without_trace] -= (blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)) / cone_scale[without_trace]
+            return x
+
+        def kept(program: ConicProgram, answer: Answer) -> tuple[ConicProgram, float, float, FloatArray]:
+            x, violation = program.repaired(raised(program, answer.x), share)
+            x = raised(program, x)
+            violation = max(violation, -float(full.margins(x).min(initial=0.0)))
+            cost = float(full.q @ x) + program.price(x, answer.multipliers)
+            return program, cost if violation <= HELD else np.inf, violation, x
+
+        start, flow = raised(full, answer.x), kept(full, answer)
+        broken = -float(full.margins(start).min(initial=0.0))
+        most = float(full.q @ start + _MUCH * np.abs(full.q) @ np.abs(start))
+        with suppress(SolveError):  # the flow found so far stays
+            if share:  # proofs need room for what the answer breaks, though it may cost a little more
+                roomier = full.solve(room=_ROOMIER * broken * full.size(start))
+                other = flow if isinstance(roomier, str) else kept(full, roomier)
+                return [other if other[1] <= max(flow[1], most) else flow]
+            if broken > ROUNDING and (flow[1] > most or not cones.limit.all()):
+                program = full.on_faces(cones.rays)
+                on_faces = program.solve() if program else INFEASIBLE
+                if program and isinstance(on_faces, Answer):
+                    return [flow, kept(program, on_faces)]
+                if program and on_faces == UNBOUNDED:
+                    return [flow, (program, -np.inf, np.inf, start)]
+        return [flow]
 
     def _program(self, live: FloatArray, dead: FloatArray) -> ConicProgram:
         """The program. Unknowns are q, s of the cones, both components of r of all but the first cones, ρ, and slips.

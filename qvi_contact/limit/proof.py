@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
-from itertools import combinations, product
+from itertools import combinations
 from operator import add
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
@@ -43,6 +43,7 @@ from qvi_contact.limit.split import (
 )
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import RigidMotion, find_mechanism
+from qvi_contact.mechanism.bodies import straight_groups
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Traction
 from qvi_contact.problem.fields import along_edges
@@ -56,6 +57,7 @@ _KEPT_BACK_ABOVE: Final = 1e-9  # share of the way to a flow inside all limits, 
 _STRAIGHT: Final = "proof files are for bodies of straight triangles without holes that carry forces"
 _AFFINE: Final = 1e-10  # relative size of a misfit or of a coefficient of an affine potential that is rounding
 _ACTIVE: Final = 1e-9  # speed of opening, relative, up to which a contact of rigid blocks is at its limit
+_PARALLEL: Final = 1e-9  # sine of an angle that is rounding
 _FACE: Final = 1e-11  # tension, or stress across a direction, relative, that is rounding
 _AXES: Final[list[Vector]] = [(ONE, ZERO), (ZERO, ONE)]
 _Edge: TypeAlias = tuple[int, int]
@@ -75,7 +77,8 @@ def limit_proof(
     The proof states loads, strengths and contact laws. It has stresses that carry the named loads times a factor just
     below `LimitLoad.lower`, and velocities that show that no stress carries more than a factor just above
     `LimitLoad.upper`. Without names of loads it has only velocities of rigid blocks, which show that no stress carries
-    all loads as they are. `qvi_contact/limit/check_proof.py`, a script that needs only Python, checks it exactly.
+    all loads as they are. `qvi_contact/limit/check_proof.py`, a script that needs only Python, checks it exactly. In
+    the file straight sides are exactly straight, where rounding moved vertices.
 
     Parameters
     ----------
@@ -168,6 +171,7 @@ class Statement:
         if self.mesh.curved.any():
             raise InputError("proof", "arcs", _STRAIGHT)
         self.points: list[Vector] = [(Fraction(x), Fraction(y)) for x, y in self.mesh.vertices.tolist()]
+        self._straighten()
         self.outward: dict[_Edge, int] = {}
         self.potentials = [[ZERO] * 3, [ZERO] * 3]
         for name, field in problem.body_forces.items():
@@ -209,6 +213,21 @@ class Statement:
         """The vector from the first vertex of an edge to the second."""
         vector: Vector = less(self.points[pair[1]], self.points[pair[0]])
         return vector
+
+    def _straighten(self) -> None:
+        """Put vertices of straight sides and joints exactly on lines: thrust along a side with a kink needs tension."""
+        moved = set[int]()
+        for line in map(self.mesh.edges, self.mesh.edge_names + self.mesh.joint_names):
+            for group in straight_groups(self.mesh.vertices, line):
+                along = self.mesh.vertices @ line.tangent[group[0]]
+                nodes = np.unique([line.first[group], line.second[group]])
+                start, *inner, end = nodes[np.argsort(along[nodes])].tolist()
+                a, (x, y) = self.points[start], less(self.points[end], self.points[start])
+                for n in inner:
+                    if n not in moved and dot(less(self.points[n], a), (-y, x)) != 0:
+                        t = Fraction(float((along[n] - along[start]) / (along[end] - along[start])))
+                        self.points[n] = a[0] + t * x, a[1] + t * y
+                moved.update(inner)
 
     def _pairs(self, edges: Edges) -> list[_Edge]:
         """The ends of edges; notes in `outward` the side of their normals."""
@@ -372,22 +391,24 @@ def _resultants(statement: Statement, space: Smooth, factor: Fraction) -> Iterat
 
 
 def _on_faces(statement: Statement, space: Smooth, factor: Fraction, stress: FloatArray) -> Iterator[Row]:
-    """Equations σ n = 0 of stresses that, up to rounding, bear pressure along a side of a triangle only, or none.
+    """Equations σ n = 0 of stresses that, up to rounding, bear pressure along one direction only, or none.
 
-    Cones R ≤ −S without room leave only such stresses, and rounding would take these out of the cones.
+    Cones R ≤ −S without room leave only such stresses, and rounding would take these out of the cones. Directions are
+    those of `YieldCones.rays`. Of directions that differ by rounding the first counts: two would leave no stress.
     """
-    c, small, at_vertex = statement.potential(factor), _FACE * np.abs(stress).max(), dict[int, list[_Edge]]()
-    for pair, end in product(statement.loads, (0, 1)):
-        at_vertex.setdefault(pair[end], []).append(pair)
+    c, small = statement.potential(factor), _FACE * np.abs(stress).max()
     for t, corners in enumerate(space.triangles):
         if [ZERO, ONE, ZERO] not in statement.about["strengths"][statement.about["strength_of"][t]]:
             continue
-        pairs = [*combinations(corners, 2), *(pair for v in corners for pair in at_vertex.get(v, []))]
-        for alpha, sigma in zip(_exponents(space.p - 2), stress[t], strict=True):
-            for x, y in (less(space.points[j], space.points[i]) for i, j in pairs):
-                across = np.array([[y, 0.0, -x], [0.0, -x, y]], dtype=float) @ sigma
-                if np.abs(across).max() <= small * math.hypot(x, y):
-                    yield from (_traction(space, c, t, alpha, (x, y), d) for d in _AXES)
+        named = sorted(statement.outward, key=frozenset(corners).isdisjoint)  # near ones first
+        ways = [less(space.points[j], space.points[i]) for i, j in (*named, *combinations(corners, 2))]
+        unit = np.array(ways, dtype=float)
+        unit /= np.hypot(*unit.T)[:, None]
+        is_new = ~np.tril(np.abs(unit @ (unit[:, ::-1] * [1.0, -1.0]).T) <= _PARALLEL, -1).any(axis=1)
+        for alpha, (xx, yy, xy) in zip(_exponents(space.p - 2), stress[t], strict=True):
+            across = np.abs([unit[:, 1] * xx - unit[:, 0] * xy, unit[:, 1] * xy - unit[:, 0] * yy]).max(axis=0)
+            for n in np.flatnonzero(is_new & (across <= small)):
+                yield from (_traction(space, c, t, alpha, ways[n], d) for d in _AXES)
 
 
 def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ PRESSURE, TENSION, EITHER, ROUGH = -1, 1, 0, 2
 ALONG: Final = np.linspace(0.0, 1.0, 33)
 """Points on an edge, 0 to 1, at which fields of contacts are evaluated."""
 
-_DROP: Final = 0.1  # relative loss of the factor, or gap to its bound, that shows that cones with room became rays
+_DROP: Final = 0.1  # gap of the factor to its bound, relative, or price of violations, which shows that cones are rays
 
 WIDER: Final = HELD / 4.0
 """Width of limits, relative to the size of their rows, that is nothing but rounding."""
@@ -85,6 +85,7 @@ class Carried:
     unknowns: FloatArray | None = None  # (n,): (z, y, α); None if α is not finite
     # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), with the body potential φ
     stress: FloatArray | None = None
+    price: float = 0.0  # by how much violated rows may have raised α, by the solver's own multipliers
     farthest: float = 0.0  # factor at which the loads alone are as large as the rows, where bodies yield
 
 
@@ -342,9 +343,10 @@ class StressProgram:
         """The answer for signs of bilateral pressure.
 
         Cones without room are replaced by faces that hold all stresses: first where a strength is 0, else if an answer
-        is in doubt. Without room, limits that are 1e-13 wider may carry much more, or anything at all.
+        is in doubt. Without room, limits that are 1e-13 wider may carry much more, or anything at all: then multipliers
+        are large. So an answer is in doubt if what it violates may have raised its factor much, by its multipliers.
         """
-        full, answers, failure = self.program(signs), list[Carried](), SolveError(_AT_LIMIT)
+        full, answers, trusted, failure = self.program(signs), list[Carried](), list[Carried](), SolveError(_AT_LIMIT)
         for on_faces in (False, True) if self.cones.limit.all() else (True, False):
             try:
                 program = full.on_faces(self.cones.rays) if on_faces else full
@@ -355,20 +357,22 @@ class StressProgram:
                 failure = error
                 continue
             if found.unknowns is not None:  # equations of faces hold up to rounding: what counts is the full program
-                found = replace(self._held(full, found.unknowns, found.violation), bound=found.bound)
+                held = self._held(full, found.unknowns, found.violation)
+                found = replace(held, bound=found.bound, price=found.price)
             answers.append(found)
-            is_valid, carries = found.violation <= ROUNDING, found.factor > -np.inf
-            gap = found.bound - found.factor if carries else found.bound
-            is_doubtful = gap > (max(_DROP * abs(found.factor), CERTIFIED) if carries else -np.inf)
+            carries, spare = found.factor > -np.inf, max(_DROP * abs(found.factor), CERTIFIED)
+            if found.price <= spare and (carries or found.bound == -np.inf):
+                trusted.append(found)
+            is_doubtful = found.bound - found.factor + found.price > spare if carries else found.bound > -np.inf
+            is_valid = found.violation <= ROUNDING  # else the other answer may be better
             if is_doubtful and is_valid and np.isfinite(found.factor) and program.falls:
                 return Carried(np.inf)
-            if is_valid and not is_doubtful and (carries or not on_faces):
+            if not is_doubtful and is_valid and (carries or not on_faces):
                 return found
         if not answers:
             raise failure
-        # a proof on faces that nothing is carried counts more than stresses that break limits
-        trusted = [one for one in answers if one.violation <= ROUNDING and not one.factor == -np.inf < one.bound]
-        return max(trusted or answers, key=lambda one: one.factor)
+        # a proof on faces that nothing is carried counts more than a factor that violations may have raised much
+        return max(trusted or answers, key=lambda one: one.factor - one.price)
 
     def _of_program(self, program: ConicProgram, share: float) -> Carried:
         """The solver's answer, corrected."""
@@ -379,8 +383,9 @@ class StressProgram:
                     return Carried(-np.inf, bound=-np.inf)
         if isinstance(answer, Answer):
             carried = self._held(program, *program.repaired(answer.x, share))
-            if np.isfinite(carried.factor):
-                return replace(carried, bound=-answer.least)
+            if carried.unknowns is not None:
+                price = program.price(carried.unknowns, answer.multipliers)
+                return replace(carried, bound=-answer.least, price=price)
         return self._without_room(program, share, grows=answer == UNBOUNDED)
 
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
@@ -405,8 +410,9 @@ class StressProgram:
                 answer = each.solve()
                 if isinstance(answer, Answer):
                     carried = self._held(program, *each.repaired(answer.x, share))
-                    if np.isfinite(carried.factor):
-                        return Carried(np.inf) if grows or program.falls else carried
+                    if carried.unknowns is not None:
+                        price = each.price(carried.unknowns, answer.multipliers)
+                        return Carried(np.inf) if grows or program.falls else replace(carried, price=price)
         if deadline.over:
             raise SolveError(LATE)
         return self._held(program, *program.repaired(np.zeros_like(program.q), share))

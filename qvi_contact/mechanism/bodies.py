@@ -381,7 +381,7 @@ def lines(problem: ContactProblem, bodies: Bodies) -> tuple[Line, ...]:
         for one, other in np.unique(np.column_stack([first, second]), axis=0).tolist():
             chosen = edges.take((first == one) & (second == other) & (one != other))
             straight, arcs = chosen.take(~chosen.bent), chosen.take(chosen.bent)
-            for group in _straight(vertices, straight):
+            for group in straight_groups(vertices, straight):
                 all_lines.append(Line.of(contact, (one, other), *_chord(vertices, straight.take(group)), arc=False))
             for number in range(len(arcs)):
                 for piece in _pieces(vertices, arcs.take(np.array([number]))):
@@ -404,7 +404,7 @@ def _pieces(vertices: FloatArray, arc: Edges) -> Iterator[tuple[Frame, FloatArra
         yield frame, np.array([[0.0, length]])
 
 
-def _straight(vertices: FloatArray, edges: Edges) -> Iterator[IntArray]:
+def straight_groups(vertices: FloatArray, edges: Edges) -> Iterator[IntArray]:
     """Groups of edges on one straight line with the same normal, so that results do not depend on its division."""
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     size, is_left = float(np.abs(vertices).max()), np.ones(len(edges), dtype=bool)
