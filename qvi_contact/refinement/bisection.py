@@ -130,6 +130,7 @@ _DEGREE: Final = 5  # default degree
 _HIGHEST: Final = 11  # largest degree: the reference solution needs one more
 _FACTOR: Final = 0.4  # ratio of a corner's part after and before a bisection, 2^(−2λ): λ ≤ 0.66 in serious corners
 _MARGIN: Final = 0.9  # of the target: a corner with a smaller part is not bisected again
+_ABOVE: Final = 4.0  # largest part of a triangle in a corner, over the smallest part that is bisected elsewhere
 _DEEPEST: Final = 3  # largest number of bisections in a corner in one round
 _THINNEST: Final = 1e-9  # smallest edge, over the body's length
 _SAFETY: Final = 1.5  # estimate over difference: the error of the reference may be a third of the answer's
@@ -342,12 +343,15 @@ def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: floa
     """Corners to bisect more than once in a round, by level; this costs few triangles.
 
     A corner is bisected again if its parts would still hold more than all the rest and more than the goal, a share of
-    the sum of the parts. With one bisection a round, errors in corners would fall more slowly than elsewhere.
+    the sum of the parts, or if one triangle would hold a few times what is bisected elsewhere. With one bisection a
+    round, errors in corners would fall more slowly than elsewhere, and bounds with a lower order in the unknowns.
     """
-    at_corners = [float(parts[(mesh.cells == vertex).any(axis=1)].sum()) for vertex in corners]
-    share = np.array(at_corners) / (float(parts.sum()) or 1.0)
+    at_corners = [parts[(mesh.cells == vertex).any(axis=1)] for vertex in corners]
+    share = np.array([own.sum() for own in at_corners]) / (float(parts.sum()) or 1.0)
     rest = np.maximum(1.0 - share, _MARGIN * goal)
-    levels = [corners[share * _FACTOR**level > rest] for level in range(1, _DEEPEST)]
+    largest, most = np.array([own.max() for own in at_corners]), _ABOVE * parts[bulk(parts)].min()
+    factors = (_FACTOR**level for level in range(1, _DEEPEST))
+    levels = [corners[(share * factor > rest) | (largest * factor > most)] for factor in factors]
     return tuple(vertices for vertices in levels if len(vertices))
 
 
