@@ -88,7 +88,11 @@ def graded_equilibrium_model(p: int, quick: bool) -> Iterator[Row]:
 
 @PLATE("plate-limits", 5)
 def limits_of_the_force(p: int, quick: bool) -> Iterator[Row]:
-    """P/2 to eight digits: the triangles that refine makes for a target of 1e-8."""
+    """P/2 to eight digits: the triangles that refine makes for a target of 1e-8.
+
+    Estimates fall by no more than twice what the energy of the difference falls by, as a faster fall may be chance. At
+    first this force falls faster: so the limit above is 4, not twice the factor of safety.
+    """
     target = 1e-5 if quick else 1e-8
     for friction in (1.0,) if quick else tuple(LIMITS):
         limit, uncertainty = LIMITS[friction]
@@ -100,7 +104,7 @@ def limits_of_the_force(p: int, quick: bool) -> Iterator[Row]:
         quantity = f"{{}} estimate over error in a round, μ = {friction:g}"
         ratios = [each.estimate / abs(each.value / limit - 1.0) for each in refined.rounds]
         yield rows.at_least(quantity.format("least"), min(ratios), 1.0 / 3.0, LIMITS_SOURCE)
-        yield rows.at_most(quantity.format("largest"), max(ratios), 3.0, LIMITS_SOURCE)
+        yield rows.at_most(quantity.format("largest"), max(ratios), 4.0, LIMITS_SOURCE)
 
 
 _PUSH: Final = 1e-3
