@@ -1,6 +1,7 @@
 """Adaptive refinement: estimates against settled values, what reference solutions see, honest ends."""
 
 from dataclasses import replace
+from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
@@ -64,6 +65,13 @@ class TestBounds:
         assert outcome.status is RefinementStatus.REACHED
         error = abs(outcome.value - L_ENERGY) / outcome.unit
         assert error < outcome.estimate < 4.0 * error
+
+    def test_a_triangle_in_a_corner_does_not_hold_most_of_the_bound(self):
+        """Such a corner is bisected several times a round; with one bisection a round 953 unknowns are needed."""
+        mesh = TriangleMesh.load(Path(__file__).parents[2] / "examples" / "meshes" / "trapezoid.msh")
+        held = [Displacement("top", 0.0, 0.0), Contact.frictionless("base", gap=-1e-3), *FREE]
+        outcome = refine(ContactProblem(mesh, Material(1e4, 0.2, "strain"), held), None, 3e-4, degree=3)
+        assert outcome.rounds[-1].unknowns < 700
 
     def test_not_where_only_the_reference_slips(self):
         """On eight triangles of degree 3 the plate sticks; one degree more and smaller triangles show its slip."""
