@@ -123,10 +123,10 @@ def cylinder_on_block() -> TriangleMesh:
     centre = (0.0, math.sqrt(radius**2 - joined**2))
     axis, end = (0.0, 0.0), Corner((joined, 0.0), "cylinder", centre, size=0.3)
     further = [
-        ((x, centre[1] - math.sqrt(radius**2 - x**2)), size) for x, size in ((3.0, 1.0), (10.0, 4.0), (25.0, 8.0))
+        ((x, centre[1] - math.sqrt(radius**2 - x**2)), size) for x, size in ((3.0, 0.6), (10.0, 2.0), (25.0, 5.0))
     ]
     pieces = [Corner(at, "cylinder", centre, size=size) for at, size in further]
-    round_part = [*pieces, Corner((radius, centre[1]), "load"), Corner(centre, "axis")]
+    round_part = [*pieces, Corner((radius, centre[1]), "load", size=16.0), Corner(centre, "axis")]
     block = [Corner((0.0, -200.0), "bottom"), Corner((100.0, -200.0), "side"), Corner((100.0, 0.0), "top")]
     return TriangleMesh.outline(
         [*block, end, *round_part, Corner(axis, "axis", size=0.07)],
@@ -143,16 +143,16 @@ def half_discs() -> TriangleMesh:
     high = math.sqrt(radius**2 - joined**2)
     below, above, between = (0.0, -high), (0.0, high), math.sqrt(radius**2 - 3.0**2)
     corners = [
-        Corner((-radius, -high), "bottom"),
-        Corner((radius, -high), "lower disc", below, size=1.2),
-        Corner((3.0, between - high), "lower disc", below, size=0.3),
+        Corner((-radius, -high), "bottom", size=1.6),
+        Corner((radius, -high), "lower disc", below, size=1.6),
+        Corner((3.0, between - high), "lower disc", below, size=0.6),
         Corner((joined, 0.0), "upper disc", above, size=0.3),
-        Corner((3.0, high - between), "upper disc", above, size=1.2),
-        Corner((radius, high), "top"),
-        Corner((-radius, high), "upper disc", above, size=1.2),
-        Corner((-3.0, high - between), "upper disc", above, size=0.3),
+        Corner((3.0, high - between), "upper disc", above, size=0.6),
+        Corner((radius, high), "top", size=1.6),
+        Corner((-radius, high), "upper disc", above, size=1.6),
+        Corner((-3.0, high - between), "upper disc", above, size=0.6),
         Corner((-joined, 0.0), "lower disc", below, size=0.3),
-        Corner((-3.0, between - high), "lower disc", below, size=1.2),
+        Corner((-3.0, between - high), "lower disc", below, size=0.6),
     ]
     fine = {(x, 0.0): 0.06 for x in (-0.68, -0.5, 0.0, 0.5, 0.68)}
     return TriangleMesh.outline(corners, 2.5, joints={"contact": [(-joined, 0.0), (joined, 0.0)]}, sizes=fine)

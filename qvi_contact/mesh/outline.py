@@ -241,7 +241,7 @@ def _check_lines(outline: Polygons) -> None:
     lengths = np.hypot(*(pieces[:, 1] - pieces[:, 0]).T)
     if lengths.min() < least:
         place = tuple(pieces[np.argmin(lengths), 0].tolist())
-        raise InputError("outline", place, "two corners lie here one after the other: leave one out")
+        raise InputError("outline", place, "points lie here one after the other: give fewer corners, or larger sizes")
     points, middles = np.concatenate([pieces[:, 0], pieces[:, 1], outline.points]), pieces.mean(axis=1)
     near, point = in_circles(points, middles, lengths / 2.0 + least)  # these circles hold arcs too
     distances = _distances(points[point], pieces[near], outline.every.centres[near])

@@ -239,8 +239,8 @@ def along_edges(
         (x, y), normals = mesh.points_along(edges, _PLACES), frames_along(edges, _PLACES)[0]
         dx, dy = np.moveaxis(_STEP * (rounding * edges.length)[:, None, None] * normals, -1, 0)
         with suppress(InputError), np.errstate(all="ignore"):  # a field may have no values beside the edges
-            here, *beside = (evaluate(name, field, x + side * dx, y + side * dy) for side in (0.0, -1.0, 1.0))
-            changes = np.abs(np.stack(beside) - here).min(axis=0)  # it may jump on one side
+            values_beside = [evaluate(name, field, x + step * dx, y + step * dy) for step in range(-2, 3)]
+            changes = np.abs(np.diff(values_beside, axis=0)).min(axis=0)  # a jump at the edge changes one step only
             return np.asarray(changes.max(axis=1) / _STEP)
         return np.zeros(len(edges))
 
