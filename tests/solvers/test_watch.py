@@ -103,8 +103,7 @@ def test_every_method_keeps_to_it(clock, options):
         clock.passes(1.0)
 
     solution = solve_qvi(qvi, time_limit=3.5, callback=callback, **options)
-    assert solution.status is Status.TIME_LIMIT
-    assert solution.iterations == len(seen) == 4
+    assert (solution.status, solution.iterations, len(seen)) == (Status.TIME_LIMIT, 4, 4)
     assert np.isfinite(solution.z).all()
     rows = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     certificate = certify(qvi, solution.z, *rows)
@@ -342,8 +341,7 @@ class TestComplementarity:
             found = solve_lcp(M, q, np.ones(n), active)
             assert found.reason is Status.SOLVED
             assert found.x == pytest.approx(plain.x, abs=1e-9)
-        assert found.pivots == 0
-        assert np.array_equal(found.basic, plain.basic)
+        assert (found.pivots, *found.basic) == (0, *plain.basic)
 
 
 class TestContact:
