@@ -221,7 +221,7 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None,
     np.negative(M, out=table[:, :n])
     table[:, n], table[:, -1] = -d, q
     basis, column = np.arange(n), np.arange(-n, n + 1)  # basic variable of each row; column of each non-basic one
-    first = np.divide(np.maximum(q, 0.0), -d, out=np.full(n, np.inf), where=d < 0.0) if away else q / d
+    first = np.divide(np.maximum(q, 0.0), -d, out=np.full(n, np.inf), where=d < -_PIVOT * largest(d)) if away else q / d
     row, entering = int(np.argmin(first)), 2 * n
     if first[row] == np.inf:
         return Vertex(x, basic, 0, Status.STALLED)

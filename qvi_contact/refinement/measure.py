@@ -416,7 +416,7 @@ class LimitFactor(WithFields):
                 remedy = "have no finite limit, and no derivative of it: name loads that are limited"
                 raise InputError("loads", ", ".join(analysis.names), remedy)
             value = float(base.q @ answer.x)
-            if not value - answer.least <= _CLOSED * abs(value):
+            if not abs(value - answer.least) <= _CLOSED * abs(value):
                 remedy = "the solver does not find its multipliers; compare factors of limit_load_factor at two values"
                 raise SolveError(f"derivative by {parameter}: {remedy}")
             change_of_rows = next_program.b - base.b - (next_program.A @ answer.x - base.A @ answer.x)
