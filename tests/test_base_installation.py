@@ -19,7 +19,6 @@ import solvers
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-ONLY_IN_EXTRAS = {"cvxopt", "gmsh", "h5py", "matplotlib", "meshio", "mkl", "pandas"}
 
 SCRIPT = """
 import json, sys
@@ -93,10 +92,6 @@ def base(tmp_path_factory):
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
-
-
-def test_what_is_left_out_is_not_required():
-    assert not {name.lower() for name in _closure(map(Requirement, PROJECT["dependencies"]))} & ONLY_IN_EXTRAS
 
 
 def test_everything_is_solved_by_the_fronts(base):

@@ -439,7 +439,7 @@ def _with_settings(file: ProblemFile, assignments: Sequence[str]) -> tuple[Probl
             )
             raise InputError("--set", text, remedy)
         names = {} if owner == "constants" else {"parameters": PARAMETERS}
-        known_name("--set", parameter, {**names, "constants": () if owner not in ("", "constants") else file.constants})
+        known_name("--set", parameter, names | ({"constants": file.constants} if owner in ("", "constants") else {}))
         if owner == "constants" or parameter not in PARAMETERS:
             if len(values) == 1:
                 constants[parameter] = values[0]

@@ -72,19 +72,20 @@ def read_point_data(path: str | Path, name: str) -> tuple[MeshParts, FloatArray]
 
     `InputError` of "file" or "data" as in `read_mesh`, or if there is not one number a point under this name.
     """
-    path, data = given_path("file", path), dict[str, FloatArray]()
+    path = given_path("file", path)
     with reading("file", path) as source:
         if path.suffix.lower() == ".msh":
-            mesh = _GmshFile(source, path.stat().st_size, data).read()
+            gmsh_file = _GmshFile(source, path.stat().st_size)
+            mesh, data = gmsh_file.read(with_data=True), gmsh_file.point_data()
         else:
             file: Any = load("meshio").read(path)
             cells, _ = _elements([(block.type, block.data, 0) for block in file.cells], _CELLS, {})
             mesh, data = MeshParts(file.points, cells), file.point_data
-        whole = _triangulated(path, mesh)
-    values = np.asarray(data[known_name("data", name, {"point data": data})], dtype=float)
-    if values.shape != (len(whole.vertices),):
-        raise InputError("file", str(path), f"needs one number a point as {name!r}")
-    return whole.without_others(), values[np.unique(whole.cells)]
+        whole = _triangulated(path, MeshParts(mesh.vertices, mesh.cells))
+    values, used = np.asarray(data[known_name("data", name, {"point data": data})], dtype=float), np.unique(whole.cells)
+    if values.shape != (len(whole.vertices),) or not np.isfinite(values[used]).all():
+        raise InputError("file", str(path), f"needs one finite number a point, in one step, as {name!r}")
+    return whole.without_others(), values[used]
 
 
 def _triangulated(path: Path, mesh: MeshParts) -> MeshParts:
@@ -185,25 +186,26 @@ def _named_cells(file: Any) -> MeshParts:
 
 
 class _GmshFile:
-    """A Gmsh file, open, read section by section; `data` gets its point data by name, an array (nodes, …) each."""
+    """A Gmsh file, open, read section by section."""
 
-    def __init__(self, source: BinaryIO, size: int, data: dict[str, FloatArray] | None = None) -> None:
-        self._source, self._size, self._data = source, size, data
+    def __init__(self, source: BinaryIO, size: int) -> None:
+        self._source, self._size = source, size
         self._version, self._binary, self._word = "", False, "u8"  # the type of counts and tags in format 4.1
         self._names = list[tuple[int, int, str]]()  # dimension, physical number, name
         self._entities = defaultdict[tuple[int, int], list[int]](list)  # by dimension and physical number, format 4.1
         self._tags, self._points = np.empty(0, np.int64), np.empty((0, 3))
+        self._steps = defaultdict[str, list[tuple[FloatArray, FloatArray]]](list)  # of point data: nodes, values
         self._blocks = list[tuple[int, IntArray, int | IntArray]]()  # kind, nodes (k, …), entity or physical numbers
 
-    def read(self) -> MeshParts:
-        """Read all sections, and make the mesh."""
+    def read(self, *, with_data: bool = False) -> MeshParts:
+        """Read all sections, those of point data only if asked for, and make the mesh."""
         sections = {
             b"MeshFormat": self._read_format,
             b"PhysicalNames": self._read_names,
             b"Entities": self._read_entities,
             b"Nodes": self._read_nodes,
             b"Elements": self._read_elements,
-        } | ({} if self._data is None else {b"NodeData": self._read_data})
+        } | ({b"NodeData": self._read_data} if with_data else {})
         if self._source.read(len(BOM_UTF8)) != BOM_UTF8:  # which editors may put before text
             self._source.seek(0)
         while line := self._next_line():
@@ -357,20 +359,20 @@ class _GmshFile:
 
     def _read_data(self) -> None:
         """Name, times, and integers, among them the number of components and of nodes; then nodes and their values."""
-        assert self._data is not None  # else this section is skipped
         (title, *_), _, (_, components, count, *_) = (
             list(islice(self._source, int(self._source.readline()))) for _ in range(3)
         )
-        name, columns = title.decode("utf-8", "replace").strip().strip('"'), int(components)
-        if name in self._data:
-            raise InputError("mesh", "", f"holds several steps of {name!r}: save the one that is meant")
-        tags, values = self._rows(int(count), columns, "values")
-        index = self._index(tags)
-        if index.min(initial=0) < 0:
-            raise ValueError("it gives values to nodes that it does not hold")
-        self._data[name] = np.full(len(self._tags), np.nan) if columns == 1 else values
-        if columns == 1:
-            self._data[name][index] = values[:, 0]
+        name = title.decode("utf-8", "replace").strip().strip('"')
+        self._steps[name].append(self._rows(int(count), int(components), "values"))
+
+    def point_data(self) -> dict[str, FloatArray]:
+        """Values at the nodes (n,) by name, NaN where the file has none; empty if not one number a node in one step."""
+        data = dict.fromkeys(self._steps, np.empty(0))
+        for name, ((tags, values), *others) in self._steps.items():
+            if not others and values.shape[1] == 1:
+                index, data[name] = self._index(tags), np.full(len(self._tags), np.nan)
+                data[name][index[index >= 0]] = values[index >= 0, 0]
+        return data
 
     def _nodes_of(self, kind: int) -> int:
         """Number of nodes of an element."""

@@ -120,11 +120,6 @@ class TestProblems:
         assert problem.bounds[0] == pytest.approx(after, rel=1e-6, abs=1e-6 * after.max())
         assert full.n0 == pytest.approx(centre.n0, abs=1e-6 * np.abs(centre.n0).max())
 
-    def test_the_certificate_is_that_of_the_friction_bound_given(self):
-        problem = study.Instance(study.ProblemSpec(study.PROBLEMS["plate_4"].build, "well conditioned"))
-        given = problem.qvi.with_bound(problem.bounds[0])
-        assert np.array_equal(given.threshold(np.ones(given.m)), problem.bounds[0])
-
 
 class TestOutcomes:
     """What their answers are worth."""

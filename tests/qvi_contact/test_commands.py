@@ -327,6 +327,7 @@ class TestSweep:
         late = shell("solve", path, "--set", "mu=0.8,0.9", "--method=condensed", "--time-limit=1e-9", "--json")
         assert [step["status"] for step in json.loads(late[1])["steps"]] == ["time_limit"]
         refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
+        refused(shell("solve", path, "--set", "mu=0.1=0.2"), "'1': name one of", "gap, offset)\n")
         refused(shell("solve", path, "--set", "mu=0.1,1e100"), "constants.mu: 1e+100: give at most 1e+60")
         refused(shell("solve", path, "--set", "mu=0.1,0.2", "--store", tmp_path / "a.sqlite"), "--store")
         text, seen = path.read_text(encoding="utf-8"), []

@@ -240,13 +240,16 @@ def test_a_temperature_by_values_at_points(tmp_path, shell, monkeypatch):
     assert field(x, y) == pytest.approx(10.0 + 20.0 * x - 7.0 * y)
     cells = {"quad": [[0, 1, 7, 6]], "triangle": mesh.cells[2:]}
     meshio.write_points_cells(tmp_path / "hot.vtu", np.pad(mesh.vertices, [(0, 0), (0, 1)]), cells, {"T": hot})
-    body = "$Nodes\n3\n7 0 0 0\n5 4 0 0\n6 0 4 0\n$EndNodes\n$Elements\n1\n1 2 0 5 6 7\n$EndElements\n"
-    data = '$NodeData\n1\n"T"\n1\n0\n3\n0\n1\n3\n5 9\n6 5\n7 1\n$EndNodeData\n'
-    (tmp_path / "a.msh").write_text(text := f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{body}{body}{data}")
+    body = "$Nodes\n4\n9 1 1 0\n7 0 0 0\n5 4 0 0\n6 0 4 0\n$EndNodes\n"
+    body += "$Elements\n2\n1 2 0 5 6 7\n2 1 1 3 9 7\n$EndElements\n"  # a line off the triangles has a name
+    data = '$NodeData\n1\n"T"\n1\n0\n3\n0\n1\n4\n5 9\n6 5\n7 1\n8 2\n$EndNodeData\n'  # there is no node 8
+    text = '$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n1 3 "line"\n$EndPhysicalNames\n' + data + body
+    (tmp_path / "a.msh").write_text(text + body + 2 * data.replace("T", "U"))
     assert PointData.load(tmp_path / "a.msh", "T")(x, y) == pytest.approx(1.0 + 2.0 * x + y)
-    (tmp_path / "a.msh").write_text(text + data)
-    with refused_at("file", "several steps"):
-        PointData.load(tmp_path / "a.msh", "T")
+    for wrong in (text + data, text.replace("7 1\n8 2", "8 1\n8 2")):  # two steps; a vertex without a value
+        (tmp_path / "a.msh").write_text(wrong)
+        with refused_at("file", "one finite number a point, in one step"):
+            PointData.load(tmp_path / "a.msh", "T")
     (tmp_path / "problem.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "T" }'))
     problem = load_problem(tmp_path / "problem.toml").problem
     assert problem.temperature(x, y) == pytest.approx(field(x, y))
