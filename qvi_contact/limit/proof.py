@@ -217,7 +217,7 @@ class Statement:
     def _straighten(self) -> None:
         """Put vertices of straight sides and joints exactly on lines: thrust along a side with a kink needs tension."""
         moved = set[int]()
-        for line in map(self.mesh.edges, self.mesh.edge_names + self.mesh.joint_names):
+        for line in (self.mesh.boundary, *map(self.mesh.edges, self.mesh.joint_names)):  # sides may have several names
             for group in straight_groups(self.mesh.vertices, line):
                 along = self.mesh.vertices @ line.tangent[group[0]]
                 nodes = np.unique([line.first[group], line.second[group]])

@@ -11,6 +11,7 @@ from comparisons.wild import generator, judge, limits
 from comparisons.wild import study as wild
 from qvi_contact import ContactResult, InputError, TriangleMesh, discretize, limit_load_factor, solve
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.limit.proof import Statement
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from tests.cases import EFFORT, examples
 from tests.comparisons.conftest import committed, rows_of
@@ -192,6 +193,11 @@ class TestLimits:
             found = limits.solve_case({"number": number})
             assert found["proved_lower"] <= found["lower"] <= found["upper"] <= found["proved_upper"] * (1.0 + 1e-5)
             assert found["proved_upper"] - found["proved_lower"] < 1.001 * found["upper"] - found["lower"]
+        problem, load, _ = limits.stated(93)  # a side is as straight in proofs if it has two names
+        ends, conditions = problem.mesh.edge_sets["right"], [*problem.conditions, Traction("rest", 0.0, 0.0)]
+        mesh = replace(problem.mesh, edge_sets={**problem.mesh.edge_sets, "right": ends[:1], "rest": ends[1:]})
+        split = replace(problem, mesh=mesh, conditions=conditions)
+        assert Statement(split, [load], 3).points == Statement(problem, [load], 3).points
 
     def test_beside_a_load_beyond_its_own_limit_no_multiple_is_carried(self):
         problem, load, _ = limits.stated(84)

@@ -24,6 +24,7 @@ from tests.qvi_contact.test_mechanism import wall
 FULL = EFFORT >= 10.0
 NEAR = 1e-9
 GRAVITY = Expression("y")
+SOFT = Material(10.0, 0.3, "strain", Tresca(1.0))
 
 
 def ground(strength, lines=(0, 0.5, 1, 2, 3, 4), levels=(-2, -1, 0)):
@@ -32,20 +33,17 @@ def ground(strength, lines=(0, 0.5, 1, 2, 3, 4), levels=(-2, -1, 0)):
     What gives way under friction ends 2 r cos(45° + φ/2) beyond the strip, with r = e^(π/2 tan φ)/(2 cos(45° + φ/2)):
     2.5 at 20°, 4.3 at 30°.
     """
-    mesh = TriangleMesh.grid(lines, levels)
-    mesh = TriangleMesh(mesh.vertices, mesh.cells)
+    mesh = replace(TriangleMesh.grid(lines, levels), edge_sets={})
     mesh = mesh.with_edges("foot", lambda x, y: (y > -NEAR) & (x < 1)).with_edges("left", lambda x, _: x < NEAR)
     mesh = mesh.with_edges("free", lambda x, y: (y > -NEAR) & (x > 1))
     mesh = mesh.with_edges("far", lambda x, y: (x > lines[-1] - NEAR) | (y < -2 + NEAR))
-    held = [Symmetry("left"), Displacement("far", x=0, y=0)]
-    loads = [Traction("foot", x=0, y=-1.0), Traction("free", x=0, y=0)]
-    return ContactProblem(mesh, Material(10.0, 0.3, "strain", strength), [*held, *loads])
+    sides = [Symmetry("left"), Displacement("far", x=0, y=0), Traction("foot", x=0, y=-1.0), Traction("free", x=0, y=0)]
+    return ContactProblem(mesh, Material(10.0, 0.3, "strain", strength), sides)
 
 
 def notched():
     """A quarter of a block with cuts from both sides to half of its width, pulled."""
-    mesh = TriangleMesh.rectangle((4, 4))
-    mesh = TriangleMesh(mesh.vertices, mesh.cells)
+    mesh = replace(TriangleMesh.rectangle((4, 4)), edge_sets={})
     sides = {
         "top": lambda _, y: y > 1 - NEAR, "right": lambda x, _: x > 1 - NEAR, "left": lambda x, _: x < NEAR,
         "cut": lambda x, y: (y < NEAR) & (x > 0.5), "ligament": lambda x, y: (y < NEAR) & (x < 0.5),
@@ -53,19 +51,16 @@ def notched():
     for name, where in sides.items():
         mesh = mesh.with_edges(name, where)
     free = [Traction(name, x=0, y=0) for name in ("right", "cut")]
-    conditions = [Traction("top", x=0, y=1.0), *free, Symmetry("left"), Symmetry("ligament")]
-    return ContactProblem(mesh, Material(10.0, 0.3, "strain", Tresca(1.0)), conditions)
+    return ContactProblem(mesh, SOFT, [Traction("top", x=0, y=1.0), *free, Symmetry("left"), Symmetry("ligament")])
 
 
 def cut():
     """A vertical cut 1 high under its own weight."""
     x, y = np.linspace(-2, 1, 7), np.linspace(-1, 1, 5)
-    mesh = TriangleMesh.grid(x, y, (y[:-1, None] < -NEAR) | (x[:-1] < -NEAR))
-    mesh = TriangleMesh(mesh.vertices, mesh.cells)
+    mesh = replace(TriangleMesh.grid(x, y, (y[:-1, None] < -NEAR) | (x[:-1] < -NEAR)), edge_sets={})
     mesh = mesh.with_edges("far", lambda x, y: (x < -2 + NEAR) | (x > 1 - NEAR) | (y < -1 + NEAR))
     mesh = mesh.with_edges("free", lambda x, y: (y > 1 - NEAR) | ((y > -NEAR) & (x > -NEAR) & (x < 1 - NEAR)))
-    conditions = [Traction("free", x=0, y=0), Displacement("far", x=0, y=0)]
-    return ContactProblem(mesh, Material(10.0, 0.3, "strain", Tresca(1.0)), conditions, Expression("y"))
+    return ContactProblem(mesh, SOFT, [Traction("free", x=0, y=0), Displacement("far", x=0, y=0)], GRAVITY)
 
 
 CASES = {
@@ -110,8 +105,7 @@ def test_the_last_mesh_is_no_finer_than_the_target_needs():
 def test_thick_cylinder(monkeypatch, clock, shell, tmp_path):
     """Pressure 2c ln(b/a) inside a quarter ring with true arcs: estimates within 0.2 %, also one that stands alone."""
     loads = [Traction("inner", normal=-1.0, tangential=0.0, name="pressure"), Traction("outer", normal=0, tangential=0)]
-    soft = Material(10.0, 0.3, "strain", Tresca(1.0))
-    problem = ContactProblem(quarter(3, 12), soft, [*loads, Symmetry("left"), Symmetry("bottom")])
+    problem = ContactProblem(quarter(3, 12), SOFT, [*loads, Symmetry("left"), Symmetry("bottom")])
     limit = limit_load_factor(problem, ["pressure"], degree=5)
     assert not limit.guaranteed
     assert [limit.lower, limit.upper] == pytest.approx([2 * np.log(2)] * 2, rel=2e-3)
