@@ -377,12 +377,14 @@ def _neighbours(solutions: list[QVISolution]) -> Iterator[QVISolution]:
     if qvi.m > LARGEST or qvi.is_fixed:
         return
     compliance = Compliance(qvi)
+    directions = np.tile(qvi.W, 2) * generic_vector(_DIRECTIONS * 2 * qvi.m).reshape(_DIRECTIONS, -1)
+    ways = [compliance.bonded + compliance.dense @ m for m in directions]  # tractions at θ = 1
     for state in map(Start.of, solutions):
         tractions = qvi.tractions(state.z)
         bounds = ContactBounds(qvi, compliance, np.where(qvi.bilateral & (tractions[: qvi.m] > 0.0), 1.0, -1.0))
         active = bounds.active(tractions, state.multipliers)
-        for m in np.tile(qvi.W, 2) * generic_vector(_DIRECTIONS * 2 * qvi.m).reshape(_DIRECTIONS, -1):
-            change = bounds.slack(compliance.bonded + compliance.dense @ m) - bounds.q
+        for bonded in ways:
+            change = bounds.slack(bonded) - bounds.q
             for d in (change, -change):
                 if deadline.over or len(solutions) >= MOST:
                     return

@@ -262,7 +262,7 @@ def masonry_wall(
     masks = {"beds": ~outside & (row % 1.0 == 0.0), "heads": ~outside & (line % 1.0 == 0.0) & heads[half_block]}
     masks |= {"ground": outside & (row == 0.0), "windward": outside & (line == 0.0), "top": outside & (row == rows)}
     masks["free"] = outside & ~np.any(list(masks.values()), axis=0)
-    mesh = replace(mesh, edge_sets={name: mesh.topology.ends[mask] for name, mask in masks.items() if mask.any()})
+    mesh = _with_names(mesh, masks)
     joints = [Contact(name, friction) for name in ("ground", *mesh.joint_names)]
     loads: list[Condition] = [
         Traction("windward", x=finite_number("wind", wind), y=0.0, name="wind"),
@@ -293,6 +293,11 @@ def _bond(courses: int, halves: int, openings: Sequence[Opening]) -> tuple[BoolA
         is_head[top, left : right + 1] = False
         is_head[top, [left - 1, right + 1]] = True
     return is_active, is_head
+
+
+def _with_names(mesh: TriangleMesh, masks: dict[str, BoolArray]) -> TriangleMesh:
+    """The mesh with joints and parts of the boundary by masks (e,) of edges; empty ones are left out."""
+    return replace(mesh, edge_sets={name: mesh.topology.ends[mask] for name, mask in masks.items() if mask.any()})
 
 
 def jointed_slope(
@@ -364,4 +369,4 @@ def _slope_mesh(rows: int, columns: int, size: tuple[float, float]) -> TriangleM
     masks["bench"] = (j == 0).all(axis=1) & (i <= 0).all(axis=1) & outside
     masks["crest"] = (j == 2 * rows).all(axis=1)
     masks["face"] = (j == 2 * i).all(axis=1) & outside
-    return replace(mesh, edge_sets={name: mesh.topology.ends[mask] for name, mask in masks.items() if mask.any()})
+    return _with_names(mesh, masks)

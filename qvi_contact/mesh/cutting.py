@@ -84,8 +84,7 @@ def refuse_flaws(mesh: MeshParts) -> None:
     _refuse(in_one_place, same_place, vertices[same_place[:, 0]])
     pinched = np.flatnonzero(np.bincount(topology.ends[topology.boundary].ravel()) > 2)
     _refuse("this vertex at {} alone connects two parts of the body: fill or cut there", pinched, vertices[pinched])
-    one, other = topology.cells[topology.count == 2].T
-    piece = linked(one, other, len(cells))  # triangles with a common edge are in one piece
+    piece = _pieces(topology, len(cells))
     if piece.any():
         from scipy.spatial import cKDTree  # slow to import, and few meshes need it
 
@@ -146,6 +145,12 @@ def _refuse(remedy: str, numbers: IntArray, places: FloatArray) -> None:
     """`InputError` about the first of the wrong entries (k, …), if any, at its place (k, 2)."""
     if len(numbers):
         raise InputError("TriangleMesh", numbers[0].tolist(), remedy.format(place_of(places[0])))
+
+
+def _pieces(topology: Topology, count: int) -> IntArray:
+    """Number of the piece of each triangle, shape (count,); triangles with a common edge are in one piece."""
+    first, second = topology.cells[topology.count == 2].T
+    return linked(first, second, count)
 
 
 def same_places(vertices: FloatArray) -> IntArray:
@@ -221,7 +226,7 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float) -> MeshParts:
     for vertex in chosen.tolist():
         is_narrow = False
         while not is_narrow:
-            mesh = _halved(mesh, np.flatnonzero((mesh.topology.ends == vertex).any(axis=1)))  # cut across
+            mesh = _cut_across(mesh, vertex)
             opposite, at_vertex = angles_at(mesh, vertex)
             mesh = _halved(mesh, np.unique(mesh.topology.number(opposite[at_vertex > angle])))
             is_narrow = angles_at(mesh, vertex)[1].max() <= angle
@@ -231,10 +236,14 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float) -> MeshParts:
 def layered(mesh: MeshParts, vertices: IntArray, ratio: float) -> MeshParts:
     """The triangles at vertices (k,) cut across, at a fraction `ratio` of their edges from there; no arc ends there."""
     for vertex in vertices.tolist():
-        n_old = len(mesh.vertices)
-        mesh = _halved(mesh, np.flatnonzero((mesh.topology.ends == vertex).any(axis=1)))
+        n_old, mesh = len(mesh.vertices), _cut_across(mesh, vertex)
         mesh.vertices[n_old:] += (1.0 - 2.0 * ratio) * (mesh.vertices[vertex] - mesh.vertices[n_old:])
     return divided_at_arcs(mesh)
+
+
+def _cut_across(mesh: MeshParts, vertex: int) -> MeshParts:
+    """The triangles at a vertex cut across, through the midpoints of their edges at the vertex."""
+    return _halved(mesh, np.flatnonzero((mesh.topology.ends == vertex).any(axis=1)))
 
 
 def angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
@@ -363,8 +372,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     with located("join", ()):
         new_name(name, mesh.edge_sets)
     vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
-    one, other = topology.cells[topology.count == 2].T
-    piece = linked(one, other, len(cells))  # triangles with a common edge are in one piece
+    piece = _pieces(topology, len(cells))
     own_piece = np.empty(len(vertices), dtype=np.int64)
     own_piece[cells] = piece[:, None]
     # merge vertices of different pieces that coincide up to rounding

@@ -6,7 +6,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, IntArray, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.basics.schema import Listed, Number
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import TURNED, Topology
@@ -114,7 +114,7 @@ def edges_on_segment(
     offset = vertices - ends[0]
     t, distance = offset @ direction, np.abs(offset @ np.array([-direction[1], direction[0]]))
     on_line = (distance <= tolerance) & (t >= -tolerance) & (t <= length + tolerance)
-    pairs = topology.ends[on_line[topology.ends].all(axis=1) & (topology.boundary != inside)]
+    pairs = _edges_between(topology, on_line, inside)
     chords, t_middle = vertices[pairs[:, 1]] - vertices[pairs[:, 0]], t[pairs].mean(axis=1)
     # vertices of tiny edges are always near the line
     is_parallel = _MAX_SLOPE * np.abs(chords @ direction) > np.abs(chords @ [-direction[1], direction[0]])
@@ -136,8 +136,8 @@ def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -
     low, high, tolerance, ranges = _box(vertices, x, y)
     if not ranges:
         raise InputError("box", ranges, "give a range of x, of y, or both: without them it is the whole boundary")
-    is_inside = np.asarray(((vertices >= low - tolerance) & (vertices <= high + tolerance)).all(axis=1))
-    pairs = np.asarray(topology.ends[is_inside[topology.ends].all(axis=1) & topology.boundary])
+    is_inside = (vertices >= low - tolerance) & (vertices <= high + tolerance)
+    pairs = _edges_between(topology, np.asarray(is_inside.all(axis=1)), False)
     if not len(pairs):
         raise InputError("box", ranges, "no edge of the boundary lies in this box: make it larger")
     return pairs
@@ -218,6 +218,11 @@ def crossing(ends: FloatArray, half_turns: FloatArray) -> IntArray:
         shares = np.stack([v * cosine[b], (point / (alpha[a] + 1j * sine[a] * point)).real * cosine[a]])
     is_crossed = ((shares > margin) & (shares < 1.0 - margin)).all(axis=0).any(axis=0)
     return np.column_stack([a, b])[is_crossed]
+
+
+def _edges_between(topology: Topology, chosen: BoolArray, inside: bool) -> IntArray:
+    """Vertices (k, 2) of the edges on the boundary, or inside, whose vertices are both in the mask `chosen`."""
+    return np.asarray(topology.ends[chosen[topology.ends].all(axis=1) & (topology.boundary != inside)])
 
 
 def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArray, float, dict[str, Point]]:

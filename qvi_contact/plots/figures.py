@@ -161,7 +161,7 @@ def mesh_figure(mesh: TriangleMesh) -> "Figure":
         figure = style.new_figure(*(5.0 * sides / sides.max() + [3.0, 1.0]))
         axes = figure.subplots()
         style.draw_grid(axes, mesh)
-        axes.add_collection(lines(style.edge_lines(mesh, mesh.boundary), style.GREY, "solid", 0.8))
+        style.draw_outline(axes, mesh)
         for number, name in enumerate((*mesh.edge_names, *mesh.joint_names)):
             look = _PARTS[number % 6], ("-", "--", ":", "-.")[number % 4], 2.0
             axes.add_collection(lines(style.edge_lines(mesh, mesh.edges(name)), *look, style.plain_text(name)))
@@ -208,7 +208,7 @@ def _motion_figure(
         axes = figure.subplots()
         words, ends = "", [mesh.vertices]
         if motion is None:
-            axes.add_collection(lines(style.edge_lines(mesh, mesh.boundary), style.GREY, "solid", 0.8))
+            style.draw_outline(axes, mesh)
         else:
             ends.append(draw_mechanism(axes, mesh, motion))
             words = "Motion in which the body fails, magnified; dashed: the body at rest."

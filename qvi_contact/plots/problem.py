@@ -289,7 +289,7 @@ class _Sketch:
             if index < _MATERIALS:
                 self.entries.append(Patch(**look, edgecolor="#999999", label=style.wrapped(text)))
         style.draw_grid(self.axes, mesh)
-        self.axes.add_collection(style.lines(style.edge_lines(mesh, mesh.boundary), "#999999", "solid", 0.6))
+        style.draw_outline(self.axes, mesh, "#999999", 0.6)
         values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *mesh.vertices.T)
         if np.ptp(values) > 0.0:
             self._entry(style.value_range("body force, potential φ", values, self.units.stress), {"color": "none"})

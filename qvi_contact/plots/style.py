@@ -122,6 +122,11 @@ def draw_grid(axes: "Axes", mesh: TriangleMesh) -> None:
     axes.add_collection(lines(edge_lines(mesh, mesh.interior), "#cccccc", "solid", width))
 
 
+def draw_outline(axes: "Axes", mesh: TriangleMesh, colour: str = GREY, width: float = 0.8) -> None:
+    """Draw the body's boundary as a thin line."""
+    axes.add_collection(lines(edge_lines(mesh, mesh.boundary), colour, "solid", width))
+
+
 def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
     """Fit labelled axes with equal scales around points (n, 2); returns the corners of the box (2, 2)."""
     low, high = points.min(axis=0), points.max(axis=0)
